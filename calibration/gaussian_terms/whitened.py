@@ -66,7 +66,7 @@ class Whitener:
         for stops, own in zip(self.stops, self.matrices, strict=True):
             turned = stops.times(own.astype(table.dtype, copy=False), table)
             found[stops.rows] = turned.reshape(*stops.rows.shape, *table.shape[1:])
-        return found.reshape(-1, table.shape[2])
+        return found.reshape(self.observations.residual.size, table.shape[2])
 
     def blocks(self, table: Array) -> list[Array]:
         """Products T T' `(stops, m d, m d)` of the whitened rows of each stop of a table T `(n d + k, c)`."""

@@ -115,5 +115,6 @@ class _Table(NamedTuple):
             values = np.broadcast_to(group.values[:, None, :], squares.shape)
             log_odds[group.numbers] = log_gains_by_squares(values, squares + factor * values, SIZES, factor)
             least = PARALLEL * group.values.max(axis=1)[:, None, None]
-            explained[group.numbers] = np.sum(squares / np.maximum(values, least + np.finfo(float).tiny), axis=2)
+            seen = values > np.maximum(least, np.finfo(np.float32).tiny)
+            explained[group.numbers] = np.sum(np.where(seen, squares, 0.0) / np.where(seen, values, 1.0), axis=2)
         return _Tried(log_odds + np.array([[term.log_prior] for term in candidates.terms]), explained)
