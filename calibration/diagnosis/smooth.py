@@ -80,14 +80,23 @@ def smooth(observations: Observations) -> Iterator[Term]:
             if TIME in chosen and count > 1:
                 shapes.append(tuple(LONG if name == TIME else SHORT for name in chosen))
             for shape in shapes:
-                yield from _along_tool(observations, [variables[name] for name in chosen], products(shape))
+                form = products(shape, tuple(name not in axes for name in chosen))
+                yield from _along_tool(observations, [variables[name] for name in chosen], form)
 
 
 @cache
-def products(shape: tuple[int, ...]) -> Products:
-    """Products of degrees k with sum k / largest degree from 0, exclusive, to 1; their sizes fall with each degree."""
+def products(shape: tuple[int, ...], alone: tuple[bool, ...] = ()) -> Products:
+    """Products of degrees k with sum k / largest degree from 0, exclusive, to 1; their sizes fall with each degree.
+
+    alone: false for each variable of which no product is a function alone: that is an error motion, a scale or a
+    location error. By default all may be.
+    """
+    alone = alone or (True,) * len(shape)
     degrees = [
-        each for each in np.ndindex(*(most + 1 for most in shape)) if 0 < sum(map(_share, each, shape)) <= 1.0 + 1e-9
+        each
+        for each in np.ndindex(*(most + 1 for most in shape))
+        if 0 < sum(map(_share, each, shape)) <= 1.0 + 1e-9
+        and (np.count_nonzero(each) > 1 or alone[int(np.flatnonzero(each)[0])])
     ]
     falls = 1.0 / np.prod(np.maximum(degrees, 1), axis=1)
     return Products(tuple(degrees), falls / np.sqrt(np.sum(falls**2)))

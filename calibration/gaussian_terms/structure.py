@@ -46,7 +46,7 @@ class Data:
     geometry: Geometry
     stops: Sequence[Stops]
     gross: np.ndarray
-    """True `(n,)` for rows with gross errors: they are far off any error of a machine, beside which no size is found."""
+    """True `(n,)` for rows with gross errors, far beyond any error of a machine."""
 
     @classmethod
     def of(cls, observations: Observations) -> Data:
