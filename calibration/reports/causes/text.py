@@ -71,8 +71,11 @@ def title(cause: Told) -> str:
 
 
 def present(cause: Told) -> Iterator[str]:
-    """Parameters in the present calibration of an effect that has changed, and their new values."""
-    if cause.present is None:
+    """Parameters in the present calibration of an effect that has changed, and their new values.
+
+    None of an error motion whose change is in another basis.
+    """
+    if cause.present is None or getattr(cause.present, "basis", None) != getattr(cause.effect, "basis", None):
         return
     table = zip(cause.present.parameter_table, cause.present.parameters, cause.effect.parameters, strict=True)
     for quantity, before, change in table:
