@@ -38,6 +38,8 @@ SHAPES = 8
 """Time constants, lags or lengths between two neighbours at a time."""
 ALONE = 2.5
 """Factor to a time constant, lag or length beyond the last one of a family: about that between neighbours."""
+SAME_POSITION = 6.0
+"""Distance of two angles, in standard uncertainties, up to which they may be readings of one position."""
 OPPOSITE = 180.0
 """Range of an angle, deg, from which a step over it has two sides for no row."""
 
@@ -62,7 +64,7 @@ def named(observations: Observations) -> list[Term]:
         points, marks = _moments(measurement, effect)
         terms += _at_points(observations, effect, partial(_since, effect), points, marks)
     for step in angle_steps(measurement):
-        points = _angles(measurement, CIRCLES.index(step.over))
+        points = _angles(observations, CIRCLES.index(step.over))
         terms += _at_points(observations, step, partial(_above, step), points, _spread(points))
     return terms
 
@@ -192,9 +194,12 @@ def _moments(measurement: Measurement, effect: Effect) -> tuple[Array, np.ndarra
     return moments, np.union1d(marks, after_pause[inside])
 
 
-def _angles(measurement: Measurement, circle: int) -> Array:
-    """The angles `(m,)`, deg, at which a step over a circle may be: between two rows; empty without two sides."""
-    observed = measurement.state.observed
+def _angles(observations: Observations, circle: int) -> Array:
+    """The angles `(m,)`, deg, at which a step over a circle may be: between two positions; empty without two sides.
+
+    Between readings of one position their noise would decide on the side, and be taken for a step.
+    """
+    observed = observations.measurement.state.observed
     if observed is None:
         return np.zeros(0)
     angles = beam(observed).angles[:, circle]
@@ -202,4 +207,6 @@ def _angles(measurement: Measurement, circle: int) -> Array:
     apart = np.unique(np.mod(np.degrees(angles) - centre + OPPOSITE, 2.0 * OPPOSITE) - OPPOSITE)
     if np.ptp(apart) >= OPPOSITE:
         return np.zeros(0)
-    return np.unique(np.round(centre + (apart[1:] + apart[:-1]) / 2.0, 5))
+    noise = np.sqrt(np.trace(observations.specified, axis1=1, axis2=2)) / np.linalg.norm(observed, axis=1)
+    between = np.diff(apart) > SAME_POSITION * np.degrees(noise.max())
+    return np.unique(np.round(centre + (apart[1:] + apart[:-1])[between] / 2.0, 5))
