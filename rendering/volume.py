@@ -30,7 +30,7 @@ CELLS = 21
 EVERY = slice(2, None, 4)
 """Positions along a side that have an arrow; the centre is one of them."""
 TEXT = (
-    "The maps show the tool point in the workpiece frame with a tool of {tool:g} mm, rotary axes at home, and the mean "
+    "The maps show the tool point in the workpiece frame with {place}, and the mean "
     "of both directions of approach. They leave out effects of time, temperature and feed. Errors are actual minus "
     "nominal, relative to the centre of the volume, as after a touch-off there. Each plane goes through the centre. "
     "The colour is the length of the whole error. An arrow ends at its position, points to the side to which the tool "
@@ -39,6 +39,25 @@ TEXT = (
 SIZES = "RMS and largest values are those of {count} positions on a grid."
 Bounds = dict[int, tuple[float, float]]
 """Ends of axes, mm, by number of the axis."""
+
+
+class Place(NamedTuple):
+    """Where a machine is while the axes of a map move, and what counts of its errors there."""
+
+    text: str
+    """Tool, and positions of the axes that do not move, in words."""
+    tool: tuple[float, float, float]
+    """Tool vector, mm."""
+    positions: tuple[float, ...]
+    """Of all axes, mm and rad; those of the map move."""
+    seen: int = 3
+    """Number of the directions x, y, z that count: of a part that was measured in a plane two."""
+
+    @classmethod
+    def usual(cls, machine: Machine) -> Place:
+        """With a usual tool, and the axes at home."""
+        home = tuple((np.array([axis.home for axis in machine.axes]) * machine.scale).tolist())
+        return cls(f"a tool of {TOOL_MM:g} mm, rotary axes at home", (0.0, 0.0, -TOOL_MM), home)
 
 
 class Field(NamedTuple):
@@ -76,24 +95,30 @@ class _Values(NamedTuple):
 
 
 def volume_section(
-    machine: Machine, fields: Sequence[Field], *, sizes: bool = True, measured: Mapping[str, Interval] | None = None
+    machine: Machine,
+    fields: Sequence[Field],
+    *,
+    sizes: bool = True,
+    measured: Mapping[str, Interval] | None = None,
+    place: Place | None = None,
 ) -> Iterator[Section]:
     """The maps of one machine; nothing where the errors of fewer than two linear axes are known.
 
     sizes: with the RMS and the largest value of each map. measured: ranges of the axes that were moved, mm; the maps
-    do not go beyond them, and do not extend along other axes.
+    do not go beyond them, and do not extend along other axes. place: by default the usual one.
     """
     travels = {axis.name: axis.travel for axis in machine.axes} if measured is None else measured
     models = [model for field in fields for model in (field.plus, field.minus) if model is not None]
     bounds = _bounds(machine, models, travels)
     if len(bounds) < 2:
         return
-    lines = [TEXT.format(tool=TOOL_MM)]
+    place = place or Place.usual(machine)
+    lines = [TEXT.format(place=place.text)]
     if sizes:
-        q = _positions(machine, bounds, [GRID] * len(bounds)).reshape(-1, len(machine.axes))
-        found = [field.sentence(_values(machine, field, bounds, q).size) for field in fields]
+        q = _positions(place, bounds, [GRID] * len(bounds)).reshape(-1, len(machine.axes))
+        found = [field.sentence(_values(machine, place, field, bounds, q).size) for field in fields]
         lines = [*found, f"{lines[0]} {SIZES.format(count=len(q))}"]
-    yield Section("Map of the volume", "\n".join(lines), figure=partial(_maps, machine, fields, bounds))
+    yield Section("Map of the volume", "\n".join(lines), figure=partial(_maps, machine, place, fields, bounds))
 
 
 def positional(effect: Effect) -> bool:
@@ -122,46 +147,47 @@ def _bounds(machine: Machine, models: Sequence[ErrorModel], travels: Mapping[str
     return found
 
 
-def _positions(machine: Machine, bounds: Bounds, counts: Sequence[int]) -> Array:
+def _positions(place: Place, bounds: Bounds, counts: Sequence[int]) -> Array:
     """Axis positions `(..., axes)`, mm and rad, of a grid with these numbers along each axis; one is in the middle."""
     sides = [
         np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2.0])
         for (low, high), count in zip(bounds.values(), counts, strict=True)
     ]
     mesh = np.meshgrid(*sides, indexing="ij")
-    q = np.tile(np.array([axis.home for axis in machine.axes]) * machine.scale, (*mesh[0].shape, 1))
+    q = np.tile(np.array(place.positions), (*mesh[0].shape, 1))
     for i, values in zip(bounds, mesh, strict=True):
         q[..., i] = values
     return q
 
 
-def _values(machine: Machine, field: Field, bounds: Bounds, q: Array) -> _Values:
+def _values(machine: Machine, place: Place, field: Field, bounds: Bounds, q: Array) -> _Values:
     """Values of a field at axis positions `(n, axes)`, relative to the centre."""
-    centre = _positions(machine, bounds, [1] * len(bounds)).reshape(1, -1)
-    whole, tool = np.vstack([centre, q]), (0.0, 0.0, -TOOL_MM)
+    centre = _positions(place, bounds, [1] * len(bounds)).reshape(1, -1)
+    whole, tool = np.vstack([centre, q]), place.tool
     state = State(whole, approach=np.zeros(whole.shape))
     if field.uncertain:
         model, transform = field.plus.part(positional), error_transform_with_tool(machine, whole, tool)[:, :3]
         design = model.design(machine, state, transform)
         u = model.propagated(design[1:] - design[0])
-        return _Values(None, np.linalg.norm(u, axis=1) * 1e3)
+        return _Values(None, np.linalg.norm(u[:, : place.seen], axis=1) * 1e3)
     signed = [(1.0, field.plus), *([(-1.0, field.minus)] if field.minus is not None else [])]
     errors = sum(sign * model.part(positional).errors(machine, state) for sign, model in signed)
     vectors = exact_deviation(machine, whole, np.asarray(errors), tool).position * 1e3
     vectors = vectors[1:] - vectors[0]
+    vectors[:, place.seen :] = 0.0
     return _Values(vectors, np.linalg.norm(vectors, axis=1))
 
 
-def _maps(machine: Machine, fields: Sequence[Field], bounds: Bounds) -> Figure:
+def _maps(machine: Machine, place: Place, fields: Sequence[Field], bounds: Bounds) -> Figure:
     """All planes of each field."""
     planes = list(combinations(bounds, 2))
     found = {}
     for number in range(len(fields)):
         for plane in planes:
-            q = _positions(machine, bounds, [CELLS if i in plane else 1 for i in bounds])
+            q = _positions(place, bounds, [CELLS if i in plane else 1 for i in bounds])
             found[number, plane] = (
                 q.reshape(CELLS, CELLS, -1),
-                _values(machine, fields[number], bounds, q.reshape(-1, q.shape[-1])),
+                _values(machine, place, fields[number], bounds, q.reshape(-1, q.shape[-1])),
             )
     drawn = [values.vectors[:, k] for _, values in found.values() if values.vectors is not None for k in range(3)]
     longest = max((float(np.abs(values).max()) for values in drawn), default=0.0)

@@ -1,6 +1,7 @@
 """Diagnoses of real data, and part of the exam: questions whose answers the tests' own virtual machine knows."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ SEVERAL = {"thermal-drift": range(10)}
 """Draws of kinds beside which the odds of another cause may pass the limit by chance; one draw of any other."""
 OFTEN = ["backlash", "location", "outliers", "tracker-angle"]
 """Kinds of the statistical tier: of the drives, the structure, single rows and the instrument."""
+PLATE = ("--machine", "gantry", "--header", "u_um=2.3")
 
 
 def diagnosed(command, *arguments):
@@ -84,6 +86,16 @@ def test_no_pitch_error_and_no_backlash_is_claimed_of_the_plates(command, plates
     assert not kinds & {"backlash", "cyclic", "quantised-compensation", "settling"}
     assert found["after"]["heldout_rms_um"] <= found["before"]["heldout_rms_um"]
     assert {"E_ZX", "E_ZY"} <= set(found["not_visible"])
+
+
+def test_the_map_of_a_plate_expects_no_error_in_a_direction_that_it_does_not_show(command, plates):
+    done = command("diagnose", plates / "D1597A_2003", *PLATE, "-o", "new.json", "--report", "page.html")
+    assert done.status == 0, done.err
+    page = Path("page.html").read_text()
+    before, after = (
+        float(re.search(rf"{words}: ([0-9.]+)", page)[1]) for words in ("Without a correction", "Expected to remain")
+    )
+    assert after < before
 
 
 @pytest.mark.parametrize("kind", quick(draws.KINDS, [], OFTEN))

@@ -73,7 +73,7 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), STATES)).astype(int)]
     some = measurement.rows(rows)
     q, tool = some.state.positions, some.tool
-    seen = 2 if measurement.instrument.components == 2 else 3
+    seen = directions_seen(measurement)
     transform = error_transform_with_tool(machine, q, tool)[:, :seen]
     rigid = column_space(_seen(rigid_columns(tool_point(machine, q, tool)), seen), DETERMINED)
 
@@ -101,6 +101,11 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
         lines,
         tuple(moved(line) for line in lines),
     )
+
+
+def directions_seen(measurement: Measurement) -> int:
+    """Number of the directions x, y, z in which the instrument observes the tool: of a part in a plane two."""
+    return 2 if measurement.instrument.components == 2 else 3
 
 
 def _seen(columns: Array, directions: int) -> Array:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from calibration.diagnosis.conclusion.result import Diagnosis
+from calibration.evaluation.machine_change import directions_seen
+from calibration.fit.acceptance import usual_states
+from calibration.measurement.measurement import Measurement
 from calibration.reports.diagnosis.causes import cause_sections
 from calibration.reports.diagnosis.commands import Files, use_section
 from calibration.reports.diagnosis.registered import registered_rows
@@ -23,7 +28,7 @@ from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_section
 from kinematics.files.number_text import rounded
 from rendering.report import Report, Section, Table
-from rendering.volume import Field, uncertainty_of, volume_section
+from rendering.volume import Field, Place, uncertainty_of, volume_section
 
 
 def diagnosis_report(answer: Diagnosis, command: str, files: Files | None = None) -> Report:
@@ -77,4 +82,15 @@ def _map(answer: Diagnosis) -> Iterator[Section]:
     if answer.given is not None:
         fields.append(Field("with a correction by the present calibration", answer.model, answer.given))
     measurement = answer.measurement
-    yield from volume_section(measurement.machine, [*fields, uncertainty_of(answer.model)], measured=measurement.moving)
+    fields.append(uncertainty_of(answer.model))
+    yield from volume_section(measurement.machine, fields, measured=measurement.moving, place=_place(measurement))
+
+
+def _place(measurement: Measurement) -> Place:
+    """Where the machine was measured: what the instrument does not see there is no error that a map may expect."""
+    state, tool = usual_states(measurement)
+    x, y, z = tool[0].tolist()
+    seen = directions_seen(measurement)
+    directions = "" if seen > 2 else ", in the directions x and y alone, which were measured"
+    text = f"the tool point at {x:g}, {y:g}, {z:g} mm, axes that did not move where they were{directions}"
+    return Place(text, (x, y, z), tuple(np.median(state.positions, axis=0).tolist()), seen)
