@@ -78,7 +78,7 @@ def diagnosed(effects, names, seed):
     measured, _ = simulated(*effects, seed=seed, step=1.0)
     asked = {f"cyclic E_{name[-1]}{name[-1]}" if name.startswith("cyclic") else name for name in names}
     causes = diagnose(measured).causes
-    listed = [{cause.effect.name, *(other.name for other in cause.alternatives if other.tied)} for cause in causes]
+    listed = [{cause.effect.name, *(other.name for other in cause.alternatives)} for cause in causes]
     named = sum(any(name in own for own in listed) for name in asked)
     return named, [cause.effect.name for cause, own in zip(causes, listed, strict=True) if not own & asked]
 

@@ -38,7 +38,7 @@ from kinematics.error_model.priors import PRIORS, Priors
 PROBABILITIES = ("outlier", "common", "rare", "smooth", "swing", "walk", "fine", "most_left_out")
 HEAD = """# Priors
 
-What a diagnosis with `--engine terms` knows before any data. Each number has its reason, or the data it comes from; a
+What a [diagnosis](how_causes_are_found.md) knows before any data. Each number has its reason, or its data; a
 machine file states others under `[priors]` ([the machine file](../machines.md)).
 
 """

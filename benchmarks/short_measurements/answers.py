@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,11 +38,11 @@ def rms(off: Array) -> float:
 Record = dict[str, Any]
 
 
-def asked(case: Case, folder: Path, options: Sequence[str] = ()) -> Record:
-    """The answer to a question; `options` are passed on to `ncomp diagnose`."""
+def asked(case: Case, folder: Path) -> Record:
+    """The answer to a question."""
     case.write(folder)
     new, out = folder / "new.json", folder / "out.json"
-    words = ("-m", case.machine, "-o", new, "--force", "--json", out, *options)
+    words = ("-m", case.machine, "-o", new, "--force", "--json", out)
     ended = ncomp(TIMEOUT_S, "diagnose", folder / "data.csv", *words)
     record: Record = {"name": case.name, "machine": case.machine, "design": case.design, "effect": case.effect}
     record |= {"axis": AXES[case.axis], "times_noise": round(case.times_noise, 2), "stated": float(case.stated)}

@@ -119,7 +119,7 @@ def _swing(
     size = TYPICAL * np.diag(form.heights)
     period = float(np.ptp(time_of(observations))) / turns
     return Term(
-        f"swing along {letter} with a period of {period:.4g} s, which changes with {', '.join(names)}",
+        f"error along {letter}, periodic in time ({period:.4g} s), which changes with {', '.join(names)}",
         "swing",
         ("swing", letter),
         partial(_swing_columns, arm, form, [each.columns for each in variables], share_of_time(observations), turns),

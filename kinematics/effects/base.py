@@ -368,7 +368,7 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     def candidates(cls, axes: Iterable[str]) -> Iterator[Self]:  # noqa: ARG003  for a class that is a candidate
         """Effects of this class without a size that a diagnosis tries on data in which these axes move.
 
-        Those of ncomp's own classes are in `calibration/diagnosis/search/causes.py`, because they depend on the data.
+        Those of ncomp's own classes are in `calibration/diagnosis/library/causes.py`, because they depend on the data.
         """
         return iter(())
 

@@ -56,8 +56,8 @@ class Priors:
     """The same of a smooth function without a name. The table of effects names nearly all errors of machines: it is
     less likely than a common cause, and likelier than a rare one."""
     swing: float = 0.005
-    """The same of a swing in time: the tool seldom swings through a whole measurement. Only controlled temperatures,
-    and a pump or a lamp that switches, repeat so regularly."""
+    """The same of an error that is periodic in time: the tool seldom swings through a whole measurement. Only
+    controlled temperatures, and a pump or a lamp that switches, repeat so regularly."""
     walk: float = 0.02
     """The same of a random walk of the tool."""
     fine: float = 0.02

@@ -28,10 +28,10 @@ OTHER_PLACE = (
 )
 """Measurement that an unexplained error of the instrument's readings needs."""
 AT_REST = (
-    "Let the machine rest for some periods of {}, and record {} of the tool, the temperatures of the hall, the coolant "
-    "and the column, and all switching. Stop the cause, and measure again."
+    "Let the machine rest for some periods of the {}, and record {} of the tool, the temperatures of the hall, the "
+    "coolant and the column, and all switching. Stop the cause, and measure again."
 )
-"""Measurement that a swing needs."""
+"""Measurement that an error which is periodic in time needs."""
 
 
 class ProposedMeasurement(NamedTuple):

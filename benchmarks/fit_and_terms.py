@@ -1,9 +1,9 @@
 """Calibrations by `ncomp fit` and by the sum of Gaussian terms (`calibration/gaussian_terms`), on the same files.
 
-    python benchmarks/two_engines.py --seeds 3 --first 700            # each design of the third exam with each machine
-    python benchmarks/two_engines.py --seeds 1 --effects none,backlash
+    python benchmarks/fit_and_terms.py --seeds 3 --first 700    # each design of the third exam with each machine
+    python benchmarks/fit_and_terms.py --seeds 1 --effects none,backlash
 
-The data are those of `benchmarks/short_measurements`, with nothing hidden unless effects are named. For each engine:
+The data are those of `benchmarks/short_measurements`, with nothing hidden unless effects are named. For each method:
 the RMS error at 300 unseen poses that its calibration leaves, as a share of that without a correction; the share of
 errors within the intervals of 95 % (all, and the lowest of one file); and processor time, s, of the fit (median).
 """
@@ -46,11 +46,11 @@ def by_terms(measurement: Measurement) -> ErrorModel:
     return calibrated(Structure.first(Data.of(Observations.of(measurement))).fitted())
 
 
-ENGINES: dict[str, Callable[[Measurement], ErrorModel]] = {"fit": by_fit, "terms": by_terms}
+METHODS: dict[str, Callable[[Measurement], ErrorModel]] = {"fit": by_fit, "terms": by_terms}
 
 
 def answered(case: Case) -> dict[str, tuple[float, float, float]]:
-    """Of each engine: the error that it leaves, as a share; the share within the intervals; and seconds."""
+    """Of each method: the error that it leaves, as a share; the share within the intervals; and seconds."""
     found = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -59,8 +59,8 @@ def answered(case: Case) -> dict[str, tuple[float, float, float]]:
         states = case.unseen()
         nominal = case.nominal(states)
         true = without_rigid(nominal, (case.points(states, unseen=True) - nominal) / UM)
-        for engine, calibration in ENGINES.items():
-            own = folder / engine
+        for method, calibration in METHODS.items():
+            own = folder / method
             own.mkdir()
             start = time.process_time()
             model = calibration(measurement)
@@ -68,12 +68,12 @@ def answered(case: Case) -> dict[str, tuple[float, float, float]]:
             write_model(model, own / "new.json")
             (own / "unseen.csv").write_bytes((folder / "unseen.csv").read_bytes())
             record = predicted(case, own / "new.json", own, nominal, true)
-            found[engine] = record["after_um"] / rms(true), record["covered"], seconds
+            found[method] = record["after_um"] / rms(true), record["covered"], seconds
     return found
 
 
 def main() -> None:
-    """Ask both engines and print the table."""
+    """Ask both methods and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=1, help="draws of each design and machine")
     parser.add_argument("--first", type=int, default=1, help="first seed")
@@ -90,11 +90,11 @@ def main() -> None:
                         f"{e}: {100 * s:.1f} % {100 * c:.0f} % {t:.1f} s" for e, (s, c, t) in found[-1].items()
                     )
                     print(f"{case.name:45} {shown}", flush=True)
-    print(f"{'engine':8} {'left, median':>13} {'covered':>8} {'lowest':>7} {'s, median':>10} {'longest':>8}")
-    for engine in ENGINES:
-        left, covered, seconds = np.array([each[engine] for each in found]).T
+    print(f"{'method':8} {'left, median':>13} {'covered':>8} {'lowest':>7} {'s, median':>10} {'longest':>8}")
+    for method in METHODS:
+        left, covered, seconds = np.array([each[method] for each in found]).T
         numbers = f"{100 * np.median(left):11.1f} % {100 * covered.mean():6.1f} % {100 * covered.min():5.0f} %"
-        print(f"{engine:8} {numbers} {np.median(seconds):10.2f} {seconds.max():8.2f}")
+        print(f"{method:8} {numbers} {np.median(seconds):10.2f} {seconds.max():8.2f}")
 
 
 if __name__ == "__main__":

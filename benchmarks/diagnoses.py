@@ -1,9 +1,9 @@
-"""Diagnoses by both engines of `ncomp diagnose`, by rules and by sums of Gaussian terms, on the same questions.
+"""Diagnoses of the questions of four exams, and the table of docs/diagnosis.md.
 
-    python benchmarks/two_diagnoses.py --seed 71 --each 20                    # 20 questions of each exam, both engines
-    python benchmarks/two_diagnoses.py --seed 71 --each 20 --engine terms     # by one of them
-    python benchmarks/two_diagnoses.py --seed 71 --each 20 --exams short,shop # of two exams
-    python benchmarks/two_diagnoses.py --table --records out/two_diagnoses.jsonl
+    python benchmarks/diagnoses.py --seed 71 --each 20                      # 20 questions of each exam
+    python benchmarks/diagnoses.py --seed 71 --each 20 --exams short,shop   # of two exams
+    python benchmarks/diagnoses.py --table --records out/diagnoses.jsonl    # the table alone
+    python benchmarks/diagnoses.py --table --page docs/diagnosis.md         # and into the page
 
 Exams: `first` (benchmarks/diagnosis_exam.py, the causes that data show without a calibration), `shop` (the second one,
 tests/shop_floor, but for its design with a calibration), `short` (the third one, benchmarks/short_measurements), and
@@ -48,7 +48,6 @@ from virtual_machine import draws
 from virtual_machine.scoring import score
 
 Record = dict[str, Any]
-ENGINES = ("rules", "terms")
 TIMEOUT_S = 1800.0
 NOTHING = "nothing"
 NEEDS_CALIBRATION = ("location", "higher-frequency")
@@ -56,11 +55,11 @@ NEEDS_CALIBRATION = ("location", "higher-frequency")
 
 
 class Question(NamedTuple):
-    """A question, and how it is asked: `ask(options)` gives what its exam says of the answer."""
+    """A question, and how it is asked: `ask()` gives what its exam says of the answer."""
 
     exam: str
     name: str
-    ask: Callable[[Sequence[str]], Record]
+    ask: Callable[[], Record]
 
 
 def first(seed: int, count: int, _: Path) -> Iterator[Question]:
@@ -70,15 +69,15 @@ def first(seed: int, count: int, _: Path) -> Iterator[Question]:
     pairs = [(kind, machine) for kind in kinds for machine in draws.MACHINES]
     for number in rng.permutation(len(pairs))[:count].tolist():
         kind, machine = pairs[number]
-        yield Question("first", f"{kind} {machine} {seed}", lambda o, k=kind, m=machine: _first(k, m, seed, o))  # type: ignore[misc]
+        yield Question("first", f"{kind} {machine} {seed}", lambda k=kind, m=machine: _first(k, m, seed))  # type: ignore[misc]
 
 
-def _first(kind: str, machine: str, seed: int, options: Sequence[str]) -> Record:
+def _first(kind: str, machine: str, seed: int) -> Record:
     draw = draws.draw([] if kind == NOTHING else [kind], machine, seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "data.csv").write_text(draw.sheet(), encoding="utf-8")
-        said = _diagnosed(folder, machine, options)
+        said = _diagnosed(folder, machine)
     if "failure" in said:
         return said
     found = said["diagnosis"]
@@ -92,10 +91,10 @@ def _first(kind: str, machine: str, seed: int, options: Sequence[str]) -> Record
     return {**counts, "missed": left - unexplained, "false": list(judged.blamed), **sizes, "seconds": said["seconds"]}
 
 
-def _diagnosed(folder: Path, machine: str, options: Sequence[str]) -> Record:
+def _diagnosed(folder: Path, machine: str) -> Record:
     """What the command writes of `data.csv` in a folder, and its processor time; or how it failed."""
     new, out = folder / "new.json", folder / "out.json"
-    words = ("--machine", machine, "-o", new, "--json", out, "--force", *options)
+    words = ("--machine", machine, "-o", new, "--json", out, "--force")
     try:
         ended = shop.ncomp(TIMEOUT_S, "diagnose", folder / "data.csv", *words)
     except shop.Failure as fault:
@@ -115,11 +114,11 @@ def second(seed: int, count: int, _: Path) -> Iterator[Question]:
             rng.shuffle(designs)
         cause, machine = str(rng.choice(CAUSES)), str(rng.choice(list(MACHINES)))
         key = shop.Key(designs[number % len(designs)], cause, machine, int(rng.integers(1000)), seed)
-        yield Question("shop", " ".join(map(str, key)), lambda o, k=key: _second(k, o))  # type: ignore[misc]
+        yield Question("shop", " ".join(map(str, key)), lambda k=key: _second(k))  # type: ignore[misc]
 
 
-def _second(key: shop.Key, options: Sequence[str]) -> Record:
-    said = shop.answer(key, timeout=TIMEOUT_S, options=options)
+def _second(key: shop.Key) -> Record:
+    said = shop.answer(key, timeout=TIMEOUT_S)
     if "failure" in said or "not_asked" in said:
         return {"failure": said.get("failure", said.get("not_asked"))}
     before, after = said["unseen_um"]
@@ -146,12 +145,12 @@ def third(seed: int, count: int, _: Path) -> Iterator[Question]:
     """The first questions of the third exam: all effects come early."""
     for words in list(short_measurements_exam.questions(seed))[:count]:
         case = Case(*words)
-        yield Question("short", case.name, lambda o, c=words: _third(Case(*c), o))  # type: ignore[misc]
+        yield Question("short", case.name, lambda c=words: _third(Case(*c)))  # type: ignore[misc]
 
 
-def _third(case: Case, options: Sequence[str]) -> Record:
+def _third(case: Case) -> Record:
     with tempfile.TemporaryDirectory() as name:
-        said = asked(case, Path(name), options)
+        said = asked(case, Path(name))
     if "failure" in said:
         return {"failure": said["failure"]}
     hidden = case.effect != "none"
@@ -176,15 +175,15 @@ def ordinary(seed: int, count: int, folder: Path) -> Iterator[Question]:
     files = sorted(folder.glob("*.truth.json"))
     for number in np.random.default_rng([seed, 3]).permutation(len(files))[:count].tolist():
         file = files[number]
-        yield Question("ordinary", file.name.removesuffix(".truth.json"), lambda o, f=file: _ordinary(f, o))  # type: ignore[misc]
+        yield Question("ordinary", file.name.removesuffix(".truth.json"), lambda f=file: _ordinary(f))  # type: ignore[misc]
 
 
-def _ordinary(file: Path, options: Sequence[str]) -> Record:
+def _ordinary(file: Path) -> Record:
     truth = json.loads(file.read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "data.csv").write_bytes((file.parent / f"{truth['case']}.csv").read_bytes())
-        said = _diagnosed(folder, truth["machine"], options)
+        said = _diagnosed(folder, truth["machine"])
     if "failure" in said:
         return said
     found, hidden = said["diagnosis"], ordinary_runs.hidden(truth)
@@ -215,17 +214,33 @@ def _fate(found: Record, kind: str, axes: frozenset[str]) -> str:
 
 EXAMS = {"first": first, "shop": second, "short": third, "ordinary": ordinary}
 HEAD = ("asked", "hidden", "named", "tied", "unexplained", "missed", "invisible", "false", "worse", "refused")
+BEGIN, END = "<!-- diagnoses -->", "<!-- /diagnoses -->"
+"""Marks of the table in a page."""
 FURTHER = ("covered", "lowest", "sizes", "left", "s", "slowest")
 
 
 def table(records: Sequence[Record]) -> Iterator[str]:
-    """A line for each exam and engine, and for all."""
-    yield f"{'exam':10}{'engine':8}{''.join(f'{word:>12}' for word in (*HEAD, *FURTHER))}"
+    """A line for each exam, and for all."""
+    yield f"{'exam':10}{''.join(f'{word:>12}' for word in (*HEAD, *FURTHER))}"
+    for name, figures in _by_exam(records):
+        yield f"{name:10}{''.join(f'{figure:>12}' for figure in figures)}"
+
+
+def into_page(page: Path, records: Sequence[Record]) -> None:
+    """Put the table of records into a page, between its marks."""
+    head = ("exam", *HEAD, *FURTHER)
+    rows = [head, ["---"] * len(head), *([name, *figures] for name, figures in _by_exam(records))]
+    before, rest = page.read_text(encoding="utf-8").split(BEGIN)
+    lines = "\n".join(f"| {' | '.join(row)} |" for row in rows).replace("| --- ", "|---").replace("|--- |", "|---|")
+    page.write_text(f"{before}{BEGIN}\n\n{lines}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+def _by_exam(records: Sequence[Record]) -> Iterator[tuple[str, list[str]]]:
+    """The figures of each exam that was asked, and of all."""
     for name in (*EXAMS, "all"):
-        for engine in ENGINES:
-            some = [each for each in records if each["engine"] == engine and name in (each["exam"], "all")]
-            if some:
-                yield f"{name:10}{engine:8}{''.join(f'{figure:>12}' for figure in _figures(some))}"
+        some = [each for each in records if name in (each["exam"], "all")]
+        if some:
+            yield name, _figures(some)
 
 
 def _figures(records: Sequence[Record]) -> list[str]:
@@ -250,30 +265,30 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="seed of the questions")
     parser.add_argument("--each", type=int, default=10, metavar="N", help="questions of each exam")
     parser.add_argument("--exams", default=",".join(EXAMS), help=", ".join(EXAMS))
-    parser.add_argument("--engine", choices=(*ENGINES, "both"), default="both")
     parser.add_argument("--only", default="", metavar="TEXT", help="questions whose name contains it")
     parser.add_argument("--ordinary", type=Path, default=Path("../shared/data/ordinary_runs"), metavar="FOLDER")
-    parser.add_argument("--records", type=Path, default=Path("out/two_diagnoses.jsonl"), help="the answers")
+    parser.add_argument("--records", type=Path, default=Path("out/diagnoses.jsonl"), help="the answers")
     parser.add_argument("--table", action="store_true", help="the table of the records, asking nothing")
+    parser.add_argument("--page", type=Path, metavar="FILE.md", help="page with marks, which gets the table")
     given = parser.parse_args()
     given.records.parent.mkdir(parents=True, exist_ok=True)
-    known = {(each["exam"], each["name"], each["engine"]) for each in read(given.records)}
-    engines = ENGINES if given.engine == "both" else (given.engine,)
+    known = {(each["exam"], each["name"]) for each in read(given.records)}
     for name in [] if given.table else given.exams.split(","):
         for question in EXAMS[name](given.seed, given.each, given.ordinary):
-            for engine in engines if given.only in question.name else ():
-                if (question.exam, question.name, engine) not in known:
-                    record = {"exam": question.exam, "name": question.name, "engine": engine}
-                    record |= question.ask(["--engine", engine])
-                    with given.records.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps(record, default=float) + "\n")
-                    print(_line(record), flush=True)
-    print("\n".join(table(read(given.records))))
+            if given.only in question.name and (question.exam, question.name) not in known:
+                record = {"exam": question.exam, "name": question.name, **question.ask()}
+                with given.records.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(record, default=float) + "\n")
+                print(_line(record), flush=True)
+    records = read(given.records)
+    print("\n".join(table(records)))
+    if given.page is not None:
+        into_page(given.page, records)
 
 
 def _line(record: Record) -> str:
     """A line on one record."""
-    head = f"{record['exam']:9} {record['engine']:6} {record['name']}"
+    head = f"{record['exam']:9} {record['name']}"
     if "failure" in record:
         return f"{head}: FAILED {record['failure']}"
     fate = ", ".join(f"{name} {record[name]}" for name in HEAD[2:7] if record.get(name)) or "nothing"
