@@ -73,18 +73,21 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
 def reversals(observations: Observations) -> Iterator[Term]:
     """Terms of differences of error motions between forward and backward, of axes that are observed one at a time.
 
-    At targets that are visited again and again they are a mean and any difference at each target; between other
-    positions they are as smooth as error motions.
+    They are as smooth as error motions; at targets that are visited again and again also a mean and any difference.
     """
     measurement = observations.measurement
     for motion, degrees in motions(measurement):
-        nodes = repeated_targets(measurement, motion.axis)
-        basis: Basis = BSpline(tuple(nodes), 1) if nodes else motion.basis
-        effect = Reversal(motion.component, motion.axis, basis, (0.0,) * basis.size)
-        each = np.eye(basis.size) if nodes else np.diag(1.0 / np.maximum(degrees, 1) ** observations.priors.smoothness)
-        mean = np.ones((basis.size, min(len(nodes), 1)))
-        shares = np.concatenate([mean, each], axis=1)
-        yield _term(observations, effect, effect.name, (effect,), _typical(effect)[:, None] * shares)
+        smooth = np.diag(1.0 / np.maximum(degrees, 1) ** observations.priors.smoothness)
+        yield _reversal(observations, motion, motion.basis, smooth)
+        if nodes := repeated_targets(measurement, motion.axis):
+            each = np.concatenate([np.ones((len(nodes), 1)), np.eye(len(nodes))], axis=1)
+            yield _reversal(observations, motion, BSpline(tuple(nodes), 1), each)
+
+
+def _reversal(observations: Observations, motion: ErrorMotion, basis: Basis, shares: Array) -> Term:
+    """The term of a difference, of coefficients with expected sizes `(basis.size, width)`, in typical sizes."""
+    effect = Reversal(motion.component, motion.axis, basis, (0.0,) * basis.size)
+    return _term(observations, effect, effect.name, (effect,), _typical(effect)[:, None] * shares)
 
 
 def motion_changes(observations: Observations, calibration: ErrorModel) -> Iterator[Term]:
