@@ -7,7 +7,6 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from calibration.diagnosis.acceptance import against_imitation
 from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
@@ -93,40 +92,17 @@ def test_before_and_after_have_the_same_keys(command, tmp_path):
 
 
 @pytest.mark.statistical
-def test_the_same_machine_again_confirms_its_calibration():
-    model, first = data(n=200)
-    present = calibrate(first, basis="b-spline:4").model
-    again = diagnose(data(seed=5, model=model, n=80)[1], present)
-    assert again.accepted
-    assert not [cause for cause in again.causes if cause.where == "machine"]
-    assert again.acceptance.confirmed
-    assert again.model is present
-    assert again.acceptance.none.gains.better
-
-
-@pytest.mark.statistical
 def test_a_confirmed_calibration_is_uncertain_by_what_no_cause_explains():
     """Beside an error that swings with Y and time its values stay, but it no longer predicts to its own uncertainty."""
-    model, first = data(n=400)
-    present = calibrate(first).model
-    swing = Unnamed("Z", ("Y", "time"), ((0.0, 500.0), (0.0, 15.0 * 120)), ((1, 2), (1, 3)), (60.0, 60.0))
+    model, first = data(n=200)
+    present = calibrate(first, basis="b-spline:4").model
+    swing = Unnamed("Z", ("Y", "time"), ((0.0, 500.0), (0.0, 15.0 * 80)), ((1, 2), (1, 3)), (60.0, 60.0))
     moved = msgspec.structs.replace(model, effects=(*model.effects, swing))
-    again = diagnose(data(seed=5, model=moved)[1], present)
-    assert again.acceptance.confirmed
-    assert "time" in again.unexplained.variables
-    assert np.array_equal(again.model.parameters, present.parameters)
-    assert again.widened > 2.0
-    assert np.trace(again.model.covariance) > np.trace(present.covariance)
-    assert not again.beside_function
-
-
-@pytest.mark.parametrize(("unexplained_um", "kept"), [(0.0, False), (5.0, False), (7.0, True)])
-def test_an_update_that_has_learned_less_than_is_unexplained_is_not_written(unexplained_um, kept):
-    """It explains 6 um: the residuals of held-out lines fall from 10 to 8 um."""
-    held = CrossValidation(8.0, 20.0, 10, "lines", 10.0, 1.0, Gains(np.ones(10), np.ones(10)))
-    reason = against_imitation(held, unexplained_um)
-    assert reason.startswith("an update of the present calibration explains 6 um RMS, less than the 7 um") == kept
-    assert bool(reason) == kept
+    plain, beside = (diagnose(data(seed=5, model=each, n=80)[1], present) for each in (model, moved))
+    assert plain.confirmed
+    assert not [cause for cause in beside.causes if cause.where == "machine"]
+    assert any("time" in each.term.variables for each in beside.unexplained)
+    assert np.trace(beside.model.covariance) > np.trace(plain.model.covariance)
 
 
 @pytest.mark.statistical
@@ -137,8 +113,8 @@ def test_a_calibration_of_another_machine_is_replaced_by_one_that_predicts_bette
     other = truth(MACHINE, np.random.default_rng(7), 20.0)
     changed = diagnose(data(seed=6, model=other)[1], loose)
     assert changed.accepted
-    assert not changed.acceptance.confirmed
-    assert changed.acceptance.present.gains.better
+    assert not changed.confirmed
+    assert changed.held_out.with_all < changed.held_out.nothing
     assert changed.model.id != loose.id
 
 

@@ -59,7 +59,7 @@ def diagnosed(data):
         found = diagnose(data)
     except UserError as refusal:
         return str(refusal)
-    return content(found.model), repr(found.causes), repr(found.proposed_measurements)
+    return content(found.model), repr(found.causes), repr(found.proposals)
 
 
 def results(data):

@@ -1,26 +1,22 @@
-"""The causes of the library: each explains clean data with it, and siblings show in the cosine of their signals."""
+"""The causes of the library: each is named in data with it, or tied with what looks like it there."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
-from calibration.diagnosis.library.candidate import Candidate, at_zero, changes, library
-from calibration.diagnosis.not_visible import below_spacing
-from calibration.diagnosis.search.evaluation import evaluate, siblings
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.shapes import proposed_shapes
-from calibration.diagnosis.search.stage import Accepted
-from calibration.diagnosis.search.start_model import Base
-from calibration.diagnosis.updated_model import new_calibration
-from calibration.diagnosis.verdict import Named
-from support.diagnosis_cases import CFRAME, data_with, fitted
+from support.diagnosis_cases import CFRAME, data_with
 from support.effect_examples import HEAD_HEAD
+from support.tiers import STATISTICAL, quick
 from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
 
 import machines
+from calibration.diagnosis.conclusion.cause import Cause
+from calibration.diagnosis.contract import contract_kind, family_of, where
+from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.library.causes import causes, jumps
-from calibration.fit.fit import fit
+from calibration.diagnosis.library.changes import changes
 from calibration.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.reports.causes.text import title
@@ -36,7 +32,6 @@ from kinematics.effects import (
     DriftWithSensor,
     GrowthWithDuty,
     GrowthWithSensor,
-    GrowthWithTime,
     Hysteresis,
     JointCompliance,
     LateralPlay,
@@ -51,7 +46,6 @@ from kinematics.effects import (
     StationShift,
     TargetOffset,
     ThermalDrift,
-    TrackerDrift,
     Wobble,
     WorkpieceDrift,
 )
@@ -100,39 +94,46 @@ EXPLAINED = {
 }  # fmt: skip
 
 
-def tried(data):
-    """The linearised fit of cubic error motions, and all candidates of the library on it."""
-    linearised = LinearisedFit.of(fitted(data))
-    known, _ = library(data, linearised.fit.model)
-    events = proposed_shapes.events(linearised, known)
-    return linearised, evaluate(linearised, [*known, *events])
+OFTEN = ["wind-up", "late sensor, growth", "counts lost", "squareness about the middle"]
 
 
-@pytest.mark.parametrize(("effect", "columns"), EXPLAINED.values(), ids=EXPLAINED)
-def test_a_cause_is_explained_by_its_candidate(effect, columns):
-    _, evaluated = tried(data_with(effect, n=N, **columns))
-    best = evaluated[0]
-    assert type(best.candidate.effect) is type(effect)
-    assert best.candidate.cause == Candidate(effect).cause
-    assert best.score.delta_bic < -30.0
+def named(cause: Cause) -> Iterator[tuple[str, str | None]]:
+    """Kind and place of a cause, and of those that the data do not tell from it."""
+    yield cause.kind, cause.axis
+    yield from ((other.kind, other.axis) for other in cause.alternatives)
+
+
+NOT_YET = {
+    "duty": "what the model cannot do: sizes that were found beside a growth with time speak against the growth with "
+    "the duty, which is likelier by 5 in the log posterior where they are found again",
+}
+
+
+def tried_as(name: str) -> list[pytest.MarkDecorator]:
+    return [pytest.mark.xfail(strict=True, reason=NOT_YET[name])] if name in NOT_YET else []
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[*([] if n in OFTEN else [STATISTICAL]), *tried_as(n)]) for n in EXPLAINED],
+)
+def test_a_cause_is_named_in_data_with_it(name):
+    effect, columns = EXPLAINED[name]
+    (cause,) = diagnose(data_with(effect, n=N, **columns)).causes
+    assert (contract_kind(effect), where(effect)) in set(named(cause))
+    assert cause.log_odds > np.log(1000.0)
+    found = cause.effect
+    if type(found) is not type(effect):
+        return
     if getattr(effect, "since_s", None) is not None:
-        assert best.candidate.effect.since_s == pytest.approx(MIDDLE, abs=45.0)
-    if isinstance(effect, LocationJump):
-        assert best.candidate.effect.fixed_point == pytest.approx(effect.fixed_point, abs=20.0)
+        assert found.since_s == pytest.approx(MIDDLE, abs=45.0)
     if isinstance(effect, AngleStep):
-        assert best.candidate.effect.above_deg == pytest.approx(effect.above_deg, abs=3.0)
-        assert best.candidate.effect.circle == effect.circle
+        assert found.above_deg == pytest.approx(effect.above_deg, abs=3.0)
 
 
 def test_a_reversal_along_its_axis_is_a_backlash_and_no_rival_of_one():
-    one, other = Candidate(Backlash("X", 1.0, 2.0)), Candidate(EXPLAINED["reversal along"][0])
-    assert one.cause == other.cause
-    assert Candidate(Reversal("Y", "X", Legendre(X, 0), (1.0,))).cause != one.cause
-
-
-def test_noise_alone_has_no_cause():
-    _, evaluated = tried(data_with(n=N, **WARM))
-    assert evaluated[0].score.delta_bic > -10.0
+    assert family_of(Backlash("X", 1.0, 2.0)) == family_of(EXPLAINED["reversal along"][0])
+    assert family_of(Reversal("Y", "X", Legendre(X, 0), (1.0,))) != family_of(Backlash("X", 1.0, 2.0))
 
 
 TRACKER_X = -2500.0
@@ -146,37 +147,29 @@ def seen_from_the_end(effect):
     state = State(q, time=60.0 * np.arange(150), target=rng.choice(list(THREE), 150))
     poses = {"1": tracker_pose((TRACKER_X, 1400.0, 750.0), rng)}
     model = msgspec.structs.replace(no_errors(gantry), effects=(effect,))
-    return tried(observe(gantry, model, state, TRACKER, rng, poses, THREE))
+    return observe(gantry, model, state, TRACKER, rng, poses, THREE)
 
 
 SIBLINGS = {
-    "air drift as growth of X from the tracker's side": (AirDrift(20.0), GrowthWithTime),
-    "growth of X from the tracker's side as air drift": (
-        GrowthWithTime(axis="X", rate=20.0, fixed_point=TRACKER_X), AirDrift,
-    ),
-    "range drift as drift of the tool": (RangeDrift(20.0), ThermalDrift),
-    "drift of the tool as range drift": (ThermalDrift(component="X", rate=20.0), RangeDrift),
-}  # fmt: skip
+    "range drift as drift of the tool": (RangeDrift(20.0), "thermal-drift"),
+    "drift of the tool as range drift": (ThermalDrift(component="X", rate=20.0), "tracker-range-drift"),
+}
 
 
-@pytest.mark.parametrize(("truth", "other"), SIBLINGS.values(), ids=SIBLINGS)
-def test_drifts_of_the_tracker_and_growth_from_its_side_are_alternatives(truth, other):
-    linearised, evaluated = seen_from_the_end(truth)
-    own = next(each for each in evaluated if isinstance(each.candidate.effect, type(truth)))
-    accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, lambda: np.zeros(1))
-    alike = {
-        (type(each.evaluated.candidate.effect), each.evaluated.candidate.axis): each.cosine
-        for each in siblings(linearised, accepted.candidate, evaluated)
-    }
-    found = max(cosine for (kind, axis), cosine in alike.items() if kind is other and axis in ("X", None))
-    assert found > 0.9
+@pytest.mark.parametrize("name", quick(SIBLINGS, list(SIBLINGS)[:1]))
+def test_drifts_of_the_range_and_of_the_tool_along_the_beam_are_alternatives(name):
+    truth, other = SIBLINGS[name]
+    (cause,) = diagnose(seen_from_the_end(truth), force=True).causes
+    kinds = {kind for kind, _ in named(cause)}
+    assert {contract_kind(truth), other} <= kinds
+    assert cause.verdict == "tied"
 
 
 def test_a_joint_yields_under_the_tool():
     effect, rng = JointCompliance("B", 400.0), np.random.default_rng(3)
     model = msgspec.structs.replace(no_errors(HEAD_HEAD), effects=(effect,))
     q = positions(HEAD_HEAD, 150, rng)
-    assert Candidate(effect).cause not in {Candidate(*c).cause for c in causes(measured(HEAD_HEAD, q, ONE, model, rng))}
+    assert family_of(effect) not in set(map(family_of, causes(measured(HEAD_HEAD, q, ONE, model, rng))))
 
 
 def on_the_table(*effects, standing=(), stands_on="workpiece", n=120):
@@ -190,7 +183,7 @@ def on_the_table(*effects, standing=(), stands_on="workpiece", n=120):
 
 def of_workpiece(data):
     """Directions in which a drift of the workpiece is tried."""
-    return {cause.effect.component for cause in causes(data) if isinstance(cause.effect, WorkpieceDrift)}
+    return {effect.component for effect in causes(data) if isinstance(effect, WorkpieceDrift)}
 
 
 def test_a_drift_of_the_workpiece_is_tried_where_rotary_axes_turn_it():
@@ -203,31 +196,19 @@ def test_a_drift_of_the_workpiece_is_tried_where_rotary_axes_turn_it():
 RISE = {"amplitudes": (40.0,), "time_constants_s": (500.0,)}
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("effect", [WorkpieceDrift(component="Z", **RISE), ThermalDrift(component="Z", **RISE)])
 def test_the_side_of_a_drift_is_found_where_rotary_axes_move(effect):
-    data = on_the_table(effect)
-    linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys("XYZBC", BasisChoice("legendre", 1)))))
-    evaluated = evaluate(linearised, library(data, linearised.fit.model)[0])
-    best = evaluated[0]
-    assert best.candidate.cause == Candidate(effect).cause
-    side = type(effect)
-    drifts = [e for e in evaluated if e.candidate.kind == "thermal-drift" and not isinstance(e.candidate.effect, side)]
-    assert best.score.gain > 1.2 * max(each.score.gain for each in drifts)
+    (cause,) = diagnose(on_the_table(effect), force=True).causes
+    assert type(cause.effect) is type(effect)
+    assert cause.axis == "Z"
 
 
+@pytest.mark.statistical
 def test_a_drift_of_the_workpiece_at_a_constant_rate_may_be_one_of_the_tracker():
     """The tracker stands on the workpiece: its own drift is the opposite."""
-    effect = WorkpieceDrift(component="Z", rate=80.0)
-    data = on_the_table(effect)
-    linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys("XYZBC", BasisChoice("legendre", 1)))))
-    evaluated = evaluate(linearised, library(data, linearised.fit.model)[0])
-    own = next(each for each in evaluated if each.candidate.effect.name == effect.name)
-    accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, lambda: np.zeros(1))
-    (drift,) = (
-        each for each in siblings(linearised, accepted.candidate, evaluated)
-        if isinstance(each.evaluated.candidate.effect, TrackerDrift)
-    )  # fmt: skip
-    assert drift.cosine == pytest.approx(1.0, abs=1e-3)
+    (cause,) = diagnose(on_the_table(WorkpieceDrift(component="Z", rate=80.0)), force=True).causes
+    assert {kind for kind, _ in named(cause)} >= {"thermal-drift", "tracker-drift"}
 
 
 def test_wobble_and_racking_are_changes_of_a_calibrated_machine():
@@ -236,27 +217,17 @@ def test_wobble_and_racking_are_changes_of_a_calibrated_machine():
         data = measured(machine, q, ONE, no_errors(machine), np.random.default_rng(1))
         bases = dict.fromkeys(machine.names, BasisChoice("legendre", 2))
         model = rigid_model(data, bases)
-        assert not any(isinstance(cause.effect, (Wobble, Racking)) for cause in causes(data))
-        return {(candidate.kind, candidate.axis) for candidate in changes(model)}
+        assert not any(isinstance(effect, (Wobble, Racking)) for effect in causes(data))
+        return {(contract_kind(effect), where(effect)) for effect in changes(model)}
 
     assert ("racking", "X") in kinds(machines.load("gantry"))
     assert not {kind for kind, _ in kinds(CFRAME)} & {"racking", "wobble"}
     assert {axis for kind, axis in kinds(machines.load("dmu50")) if kind == "wobble"} == {"B", "C"}
 
 
-def test_an_error_between_the_signals_of_an_encoder_is_listed_as_not_visible():
-    coarse = list(below_spacing(data_with(n=40)))
-    assert [entry.name for entry in coarse] == [f"sub-divisional error of the encoder of {axis}" for axis in "XYZ"]
-    assert all("show no period below 1 mm" in entry.remedy for entry in coarse)
-    assert coarse[0].remedy.endswith("looks like noise in X")
-    x = np.column_stack([np.arange(300) * 0.002, np.zeros(300), np.zeros(300)])
-    fine = measured(CFRAME, x, ONE, no_errors(CFRAME), np.random.default_rng(1))
-    assert not list(below_spacing(fine))
-
-
 def test_heat_of_a_spindle_needs_its_speeds():
     def tried_on(**columns):
-        return any(isinstance(cause.effect, DriftWithDuty) for cause in causes(data_with(n=N, **columns)))
+        return any(isinstance(effect, DriftWithDuty) for effect in causes(data_with(n=N, **columns)))
 
     assert tried_on(**TURNING)
     assert not tried_on()
@@ -282,10 +253,10 @@ def test_errors_of_a_measuring_machine_are_tried_on_a_part_in_two_positions():
     model = msgspec.structs.replace(no_errors(CFRAME), effects=(effect,))
     data = observe(CFRAME, model, state, part, rng, turned, ONE)
     data = replace(data, state=replace(data.state, observed=data.observed))
-    _, evaluated = tried(data)
-    assert evaluated[0].candidate.cause == Candidate(effect).cause
+    (cause,) = diagnose(data, force=True).causes
+    assert family_of(cause.effect) == family_of(effect)
     alone = data.rows(np.arange(0, 60, 2))
-    assert not any(cause.effect.kind.startswith("cmm") for cause in causes(alone))
+    assert not any(effect.kind.startswith("cmm") for effect in causes(alone))
 
 
 @pytest.mark.parametrize(
@@ -306,16 +277,15 @@ def test_errors_of_a_measuring_machine_are_tried_on_a_part_in_two_positions():
     ],
 )
 def test_titles_say_what_a_symbol_means(effect, expected):
-    cause = Named(effect.kind, effect, -50.0, 1.0, 0.5, "strong", 0.9)
-    assert title(cause) == expected
+    assert title(Cause(effect.kind, effect, np.zeros((0, 0)), 50.0, "strong")) == expected
 
 
 def test_a_jump_is_permanent_in_the_new_calibration():
     """The clock of later data begins at zero again."""
     jump = LocationJump("X", "X", 40.0, MIDDLE)
-    found = fitted(data_with(jump, n=N), at_zero(jump))
-    model = new_calibration(Base(found.model, found.prior, "refitted"), found, [], None)
-    (written,) = (effect for effect in model.effects if isinstance(effect, LocationJump))
-    assert written.since_s is None
-    assert written.value == pytest.approx(40.0, abs=4 * written.u[0])
-    assert not written.needs
+    model = diagnose(data_with(jump, n=N)).calibration
+    jumps_of_it = [effect for effect in model.effects if isinstance(effect, LocationJump)]
+    (written,) = (effect for effect in jumps_of_it if effect.name == jump.name)
+    assert written.value == pytest.approx(40.0, abs=3 * written.u[0])
+    assert all(effect.since_s is None for effect in jumps_of_it)
+    assert not any(effect.needs for effect in jumps_of_it)

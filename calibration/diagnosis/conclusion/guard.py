@@ -1,6 +1,6 @@
 """Held-out blocks: what a structure predicts of rows from the others, against its geometry alone, and against nothing.
 
-One rule: a result that predicts the blocks worse than no model at all is not written.
+One rule: a result that predicts the blocks worse than no model at all, beyond their spread, is not written.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.fit.cross_validation import Gains
 from calibration.gaussian_terms.structure import Structure
 from kinematics.transforms import Array
 
@@ -30,13 +31,16 @@ class HeldOut(NamedTuple):
     """With the geometry alone."""
     nothing: float
     """With a registration alone."""
-    ratio: float
-    """Squares with all terms, in units of the noise, as a share of those with nothing."""
+    gains: Gains
+    """Of each block: squares with nothing, minus those with all terms."""
 
     @property
     def worse(self) -> bool:
-        """True where no model at all predicts better."""
-        return self.ratio > 1.0
+        """True where no model at all predicts better, beyond the spread of the blocks.
+
+        Beside a calibration of the same machine there is little to learn, and a difference that is chance has any sign.
+        """
+        return self.gains.worse
 
 
 def held_out(structure: Structure) -> HeldOut:
@@ -48,8 +52,17 @@ def held_out(structure: Structure) -> HeldOut:
     all_sets = [everything, np.arange(geometry), everything[:0], *each]
     residuals = _predicted(structure, all_sets)
     with_all, alone, nothing, *without = (rms_um(structure, residual) for residual in residuals)
-    ratio = float(np.sum(residuals[0] ** 2) / max(np.sum(residuals[2] ** 2), 1e-300))
-    return HeldOut(with_all, tuple(without), alone, nothing, ratio)
+    return HeldOut(with_all, tuple(without), alone, nothing, _gains(structure, residuals[2], residuals[0]))
+
+
+def _gains(structure: Structure, other: Array, own: Array) -> Gains:
+    """Squares of the residuals `(N,)` of another prediction minus those of this one, of each block."""
+    observations, labels = structure.data.observations, blocks_of(structure)
+    inside = labels >= 0
+    noise = np.bincount(labels[inside], (other**2 - own**2)[inside], BLOCKS) / structure.noise.factor
+    micro = [in_units(structure, each) * observations.measurement.per_micro for each in (other, own)]
+    um = np.bincount(labels[inside], (micro[0] ** 2 - micro[1] ** 2).ravel(), BLOCKS)
+    return Gains(um, noise)
 
 
 def _predicted(structure: Structure, sets: Sequence[np.ndarray]) -> list[Array]:
