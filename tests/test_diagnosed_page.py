@@ -14,6 +14,7 @@ from support.virtual_measurements import THREE, measured, positions, written
 from virtual_machine import draws
 
 import machines
+from calibration.diagnosis.diagnose import diagnose
 from kinematics.effects import Backlash, Cyclic, LocationError, ThermalDrift, Unnamed
 from kinematics.error_model.model import ErrorModel, encode_model, no_errors
 
@@ -49,7 +50,7 @@ def there_and_back(*effects, rows=100, seed=2, height=None):
 
 def told(folder: Path, data: Path, *options: str, machine="cframe") -> Told:
     new, out, page = (folder / name for name in ("new.json", "out.json", "page.html"))
-    files = ("-m", machine, "-o", new, "--json", out, "--report", page, "--engine", "terms")
+    files = ("-m", machine, "-o", new, "--json", out, "--report", page)
     done = run_command("diagnose", data, *files, *options)
     assert done.status == 0, done.shown
     document, calibration = (
@@ -63,7 +64,7 @@ def several(tmp_path_factory):
     """Two causes of the machine, strong."""
     folder = tmp_path_factory.mktemp("several")
     found = there_and_back(Backlash("X", 200.0), ThermalDrift(component="X", rate=500.0))
-    return told(folder, written(found, folder / "data.csv"), "--noise", "estimate")
+    return told(folder, written(found, folder / "data.csv"))
 
 
 def test_the_first_sentences_say_what_is_wrong_how_large_and_what_to_do(several):

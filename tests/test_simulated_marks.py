@@ -50,7 +50,7 @@ CASES = {
     "diagnose by terms": (
         "diagnose_by_terms",
         (f"{POINTS} 1 -o a.csv",),
-        f"diagnose a.csv {M} --engine terms --force -o cal.json",
+        f"diagnose a.csv {M} --force -o cal.json",
     ),
     "continuous": ("continuous", (RUNS,), JOIN),
     "continuous into a calibration": ("continuous", (RUNS,), f"{JOIN} --add-to real.json"),

@@ -1,4 +1,4 @@
-"""`ncomp diagnose --engine terms`: causes with sizes, ties, the calibration, contract 4.3, and what is refused."""
+"""`ncomp diagnose`: causes with sizes, ties, the calibration, contract 4.3, and what is refused."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Told(NamedTuple):
 def diagnose(folder: Path, machine: str, *options: str) -> Told:
     """The diagnosis of `data.csv` in a folder."""
     new, out = folder / "new.json", folder / "out.json"
-    words = ("-m", machine, "-o", new, "--json", out, "--engine", "terms", *options)
+    words = ("-m", machine, "-o", new, "--json", out, *options)
     done = run_command("diagnose", folder / "data.csv", *words)
     assert done.status == 0, done.shown
     return Told(json.loads(out.read_text(encoding="utf-8"), parse_constant=pytest.fail), new, done.shown)
@@ -168,7 +168,7 @@ def test_few_rows_are_refused(data, tmp_path):
     lines = data.read_text(encoding="utf-8").splitlines()
     head = next(i for i, line in enumerate(lines) if not line.startswith("#"))
     data.write_text("\n".join(lines[: head + 13]) + "\n", encoding="utf-8")
-    message = refusal("diagnose", data, "-m", "gantry", "-o", tmp_path / "new.json", "--engine", "terms")
+    message = refusal("diagnose", data, "-m", "gantry", "-o", tmp_path / "new.json")
     assert "too few" in message
     assert not (tmp_path / "new.json").exists()
 
@@ -184,13 +184,9 @@ def test_a_result_that_predicts_worse_than_no_model_is_not_written(data, tmp_pat
         row[at : at + 3] = [f"{float(cell) + moved:.5f}" for cell, moved in zip(row[at : at + 3], shift, strict=True)]
     data.write_text("\n".join([*lines[:head], *map(",".join, rows)]) + "\n", encoding="utf-8")
     new, out = tmp_path / "new.json", tmp_path / "out.json"
-    words = ("diagnose", data, "-m", "gantry", "-o", new, "--json", out, "--engine", "terms")
+    words = ("diagnose", data, "-m", "gantry", "-o", new, "--json", out)
     assert "worse" in refusal(*words)
     assert not new.exists()
     assert not json.loads(out.read_text(encoding="utf-8"))["accepted"]
     assert run_command(*words, "--force").status == 0
     assert new.exists()
-
-
-def test_the_engine_is_not_in_the_help():
-    assert "--engine" not in run_command("diagnose", "--help").shown

@@ -59,7 +59,7 @@ def test_the_command_writes_it(tmp_path):
     written(seen(to_and_fro()), tmp_path / "data.csv")
     (tmp_path / "bench.toml").write_text(BENCH_TOML, encoding="utf-8")
     out = tmp_path / "out.json"
-    words = ("-m", tmp_path / "bench.toml", "-o", tmp_path / "new.json", "--json", out, "--engine", "terms", "--force")
+    words = ("-m", tmp_path / "bench.toml", "-o", tmp_path / "new.json", "--json", out, "--force")
     done = run_command("diagnose", tmp_path / "data.csv", *words)
     assert done.status == 0, done.shown
     design = {each["name"]: each for each in json.loads(out.read_text(encoding="utf-8"))["design"]}

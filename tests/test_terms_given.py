@@ -145,7 +145,7 @@ def test_a_tilted_rotary_axis_seen_with_a_touch_probe():
 def test_the_command_confirms_a_calibration(tmp_path):
     for name, seed in (("first", 1), ("second", 2)):
         written(data_of(CFRAME, seed, 120), tmp_path / f"{name}.csv")
-    words = ("--machine", "cframe", "--engine", "terms")
+    words = ("--machine", "cframe")
     old, new, out = tmp_path / "old.json", tmp_path / "new.json", tmp_path / "out.json"
     assert run_command("diagnose", tmp_path / "first.csv", *words, "-o", old).status == 0
     done = run_command("diagnose", tmp_path / "second.csv", *words, "-c", old, "-o", new, "--json", out)

@@ -161,7 +161,7 @@ def test_the_command_says_the_first_proposal(tmp_path):
     written(seen(to_and_fro(), BACKLASH), tmp_path / "data.csv")
     (tmp_path / "bench.toml").write_text(BENCH_TOML, encoding="utf-8")
     out = tmp_path / "out.json"
-    words = ("-m", tmp_path / "bench.toml", "-o", tmp_path / "new.json", "--json", out, "--engine", "terms")
+    words = ("-m", tmp_path / "bench.toml", "-o", tmp_path / "new.json", "--json", out)
     done = run_command("diagnose", tmp_path / "data.csv", *words)
     assert done.status == 0, done.shown
     document = json.loads(out.read_text(encoding="utf-8"))
