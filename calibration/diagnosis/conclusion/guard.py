@@ -62,7 +62,7 @@ def _gains(structure: Structure, other: Array, own: Array) -> Gains:
     noise = np.bincount(labels[inside], (other**2 - own**2)[inside], BLOCKS) / structure.noise.factor
     micro = [in_units(structure, each) * observations.measurement.per_micro for each in (other, own)]
     um = np.bincount(labels[inside], (micro[0] ** 2 - micro[1] ** 2).ravel(), BLOCKS)
-    return Gains(um, noise)
+    return Gains(np.asarray(um, float), np.asarray(noise, float))
 
 
 def _predicted(structure: Structure, sets: Sequence[np.ndarray]) -> list[Array]:
