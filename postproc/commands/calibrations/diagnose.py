@@ -1,4 +1,4 @@
-"""`ncomp diagnose`: errors that the present model does not explain, traced to their cause, and added."""
+"""`ncomp diagnose`: the causes of the errors that measured data show, and a calibration that contains them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Report = Literal["report", "add"]
 Unexplained = Annotated[
     Report,
     option(
-        "Residuals without a known cause: only reported, or also added to the calibration as a smooth function.",
+        "Functions that no cause explains: only reported, or also corrected by the calibration, as far as they recur.",
         default="report",
         panel=MODEL,
     ),
@@ -38,14 +38,14 @@ def diagnose(
     machine: MachineName,
     output: Path = output_option("File for the new calibration.", "NEW.json"),
     calibration: Path | None = option(
-        "Present model; default: error motions of all axes.", "CAL.json", "-c", reads=True, panel=MODEL
+        "Present calibration: the diagnosis finds what has changed since.", "CAL.json", "-c", reads=True, panel=MODEL
     ),
     unexplained: Unexplained,
     force: Force,
     form: DataOptions,
     others: ResultOptions,
 ) -> None:
-    """Find the errors that a model lacks, name their cause, add it, and show the error before and after.
+    """Find the causes of the errors that measured data show, with their odds, and write a calibration with them.
 
     Causes that the data cannot show are only listed. Causes that the data cannot distinguish are shown as a tie, with
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
