@@ -1,5 +1,6 @@
 """Words and tables of the report of a diagnosis."""
 
+from calibration.diagnosis.conclusion.design import Designed
 from calibration.reports.causes.text import in_full, quantity_name, with_uncertainty
 from calibration.reports.separability import separability_section
 from kinematics.effects import Cyclic, TrackerDrift
