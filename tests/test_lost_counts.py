@@ -4,12 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from calibration.diagnosis.residual.unexplained import smoothed
-from calibration.diagnosis.search.evaluation import WORTH, evaluate
-from calibration.diagnosis.search.shapes.change_points import turning_points
 from shop_floor.hidden import Hidden
 from shop_floor.question import ask
-from support.diagnosis_cases import data_with, selector
+from support.diagnosis_cases import data_with
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
@@ -31,34 +28,20 @@ class Pad(Hidden):
         return 1e-3 * self.size * corner[:, None] * [0.0, 0.0, 1.0]
 
 
-def likeliest_step(data, order):
-    """The fit that has the likeliest step of a circle besides error motions of this order."""
-    made = selector(data, order)
-    best = evaluate(bare := made.stage([]).linearised, list(turning_points(bare)))[0]
-    return made.stage([(best.candidate, best.score.size)])
-
-
-def test_lost_counts_are_likelier_than_a_smooth_error():
-    stage = likeliest_step(data_with(LOST, n=N), 4)
-    assert stage.accepted[0].score.delta_bic < 10.0 * WORTH
-    assert smoothed(stage) == []
-
-
 @pytest.mark.statistical
 def test_a_step_that_imitates_a_pad_is_none(tmp_path):
     (tmp_path / "data.csv").write_text(ask("lines", "none", "gantry", 0, 210001).having(Pad(60.0)).sheet())
-    stage = likeliest_step(read_measurement(tmp_path / "data.csv", machines.load("gantry")), 7)
-    assert stage.accepted[0].score.delta_bic < 10.0 * WORTH
-    assert smoothed(stage) == list(stage.accepted)
+    found = diagnose(read_measurement(tmp_path / "data.csv", machines.load("gantry")))
+    assert not [cause.effect.name for cause in found.causes if cause.kind == "tracker-angle"]
 
 
-@pytest.mark.statistical
 def test_rows_beyond_lost_counts_are_no_outliers_and_no_error_of_the_machine():
     found = diagnose(data_with(LOST, n=N))
     (cause,) = found.causes
     assert (cause.kind, cause.axis, cause.verdict) == ("tracker-angle", "elevation", "strong")
-    assert cause.effect.parameters[0] == pytest.approx(40.0, abs=2.0 * cause.effect.u[0])
-    assert found.unexplained is None
+    assert cause.effect.parameters[0] == pytest.approx(40.0, abs=3.0 * cause.effect.u[0])
+    assert not found.unexplained
+    assert not found.outliers
     assert found.volume.machine_rms < 3.0
 
 
@@ -69,4 +52,3 @@ def test_lost_counts_are_not_taken_for_a_noisier_instrument():
     found = diagnose(data_with(AngleStep("elevation", "azimuth", above, 40.0), n=60, seed=5))
     (cause,) = found.causes
     assert (cause.kind, cause.axis, cause.verdict) == ("tracker-angle", "elevation", "strong")
-    assert found.before.fit.measurement.noise.instrument_factor > 1.0

@@ -5,7 +5,6 @@ from functools import cache
 import msgspec
 import numpy as np
 import pytest
-from calibration.reports.diagnosis_json import diagnosis_json
 from shop_floor.question import ask, earlier
 from support.virtual_measurements import THREE, measured, positions, truth
 
@@ -17,7 +16,8 @@ from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.given.merged import merged
 from calibration.gaussian_terms.given.nested_bases import refined
 from calibration.measurement.file import read_measurement
-from calibration.reports.diagnosis import diagnosis_report
+from calibration.reports.diagnosis.document import diagnosis_json
+from calibration.reports.diagnosis.page import diagnosis_report
 from calibration.reports.machine_change import change_sentences
 from kinematics.basis import Legendre
 from kinematics.effects import Backlash, ErrorMotion, LocationError, Scale

@@ -51,3 +51,12 @@ def test_what_is_not_known_is_said():
         state.need("last_move", "growth")
     with pytest.raises(UserError, match=r"^growth needs the temperature 'bed', which these data do not give$"):
         state.temperature("bed", "growth")
+
+
+def test_all_rows_of_a_state_are_the_state_itself():
+    state = full_state(DMU50, 30)
+    assert state.rows(slice(None)) is state
+    assert state.rows(np.arange(30)) is state
+    assert state.rows(np.arange(30)[::-1]) is not state
+    np.testing.assert_array_equal(state.rows(np.arange(30)[::-1]).positions, state.positions[::-1])
+    assert len(state.rows(np.arange(30) > 20)) == 9

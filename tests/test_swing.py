@@ -5,46 +5,42 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from calibration.diagnosis.unseen.fast_swing import fast_swing
-from calibration.diagnosis.unseen.swing import Swing
-from calibration.reports.diagnosis_json import diagnosis_json
 from shop_floor import exam
-from support.effect_examples import DMU50, full_state
-from support.pages import text_of
 from support.tiers import EXAM, STATISTICAL, quick
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.search import evaluated_rows
 from calibration.fit.acceptance import without_clamp
-from calibration.reports.diagnosis import diagnosis_report
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, Unnamed
 from kinematics.forward import forward
 from kinematics.state import State
-from rendering.page import page as page_of
 
 MACHINE = machines.load("cframe")
 X = (0.0, 400.0)
-
-
-def test_it_is_a_cosine_and_a_sine_of_its_period():
-    state = full_state(DMU50, 60)
-    terms, sizes = ((1, 1), (0, 2)), (4.0, -3.0)
-    swing = Swing("Y", ("X", "time"), ((-200.0, 200.0), (0.0, 500.0)), terms, sizes, 500.0)
-    ((_, _, values),) = swing.contributions(DMU50, state)
-    x, phase = np.clip(state.position(DMU50, "X") / 200.0, -1, 1), 2 * np.pi * state.time / 500.0
-    np.testing.assert_allclose(values, 1e-3 * (4.0 * x * np.cos(phase) - 3.0 * np.sin(phase)), atol=1e-12)
-
-
 TRUE = truth(MACHINE, np.random.default_rng(0), 10.0)
 
 
-def diagnosed(*effects, seed=1):
+def data_of(*effects, seed=1, n=200):
     rng = np.random.default_rng(seed)
     moved = msgspec.structs.replace(TRUE, effects=(*TRUE.effects, *effects))
-    return diagnose(measured(MACHINE, positions(MACHINE, 200, rng), THREE, moved, rng))
+    return measured(MACHINE, positions(MACHINE, n, rng), THREE, moved, rng)
+
+
+def swinging(period, *effects):
+    """Y swings by 40 um, more at one end of X."""
+    data = data_of(*effects)
+    share = data.state.position(MACHINE, "X") / X[1]
+    wave = 0.04 * share * np.cos(2.0 * np.pi * data.state.time / period)
+    observed = data.observed + wave[:, None] * [0.0, 1.0, 0.0]
+    return replace(data, observed=observed, state=replace(data.state, observed=observed))
+
+
+def periods(found):
+    """Periods of the swings of a diagnosis, s."""
+    names = [each.term.name for each in found.unexplained if each.term.kind == "swing"]
+    return [float(name.partition("period of ")[2].partition(" s")[0]) for name in names]
 
 
 def unseen_um(model):
@@ -56,47 +52,18 @@ def unseen_um(model):
     return float(np.sqrt(3.0 * np.mean((1e3 * less @ (real - found).reshape(-1)) ** 2)))
 
 
-@pytest.fixture(scope="module")
-def swung():
-    """Y swings by 40 um, more at one end of X, every 700 s."""
-    return diagnosed(Swing("Y", ("X", "time"), (X, (0.0, 700.0)), ((0, 1), (1, 1)), (20.0, 20.0), 700.0))
-
-
-@pytest.fixture(scope="module")
-def steady():
-    """The same machine without the swing."""
-    return diagnosed()
-
-
-@pytest.mark.statistical
-def test_its_period_is_found_and_said(swung):
-    assert swung.swing.component == "Y"
-    assert "X" in swung.swing.variables
-    assert abs(swung.swing.period - 700.0) < 4.0 * swung.swing.u < 20.0
-    assert swung.beside_function
-    said = diagnosis_json(swung)["swing"]
-    assert (said["direction"], said["period_s"], said["u_s"]) == ("Y", swung.swing.period, swung.swing.u)
-    page = text_of(page_of(diagnosis_report(swung, "ncomp diagnose data.csv")).decode())
-    said = f"Y of the tool swings with a period of {swung.swing.period:.5g} s +- "
-    assert said in page.replace("\N{PLUS-MINUS SIGN}", "+-")
-
-
-@pytest.mark.statistical
-def test_what_is_said_of_it_agrees(swung, steady):
-    """Beside the swing nothing is left that would be noise of an axis; that it goes with time is known."""
-    assert swung.estimated_noise is None
+@pytest.mark.parametrize(
+    "period", [pytest.param(700.0, marks=STATISTICAL), pytest.param(250.0, marks=EXAM), pytest.param(120.0, marks=EXAM)]
+)
+def test_its_period_is_found_and_the_calibration_is_nearly_as_good_as_without_it(period):
+    swung, steady = diagnose(swinging(period)), diagnose(data_of())
+    assert periods(swung)
+    assert periods(swung) == pytest.approx([period] * len(periods(swung)), rel=0.02)
+    assert not swung.causes
+    assert not swung.not_repeating
     assert swung.noise_um < 1.1 * steady.noise_um
-    assert swung.conclusion.dependence.endswith(f" and swing with a period of {swung.swing.period:.4g} s")
-    assert swung.next_measurement.startswith("Let the machine rest for 35 min, and record Y of the tool")
-
-
-@pytest.mark.statistical
-def test_the_calibration_beside_it_is_nearly_as_good_as_without_it(swung, steady):
-    assert steady.unexplained is None
+    assert not steady.unexplained
     assert unseen_um(swung.model) < 1.3 * unseen_um(steady.model)
-
-
-SLOW = Swing("Y", ("X", "time"), (X, (0.0, 1100.0)), ((0, 1), (1, 1)), (20.0, 20.0), 1100.0)
 
 
 @pytest.mark.parametrize(
@@ -108,28 +75,12 @@ SLOW = Swing("Y", ("X", "time"), (X, (0.0, 1100.0)), ((0, 1), (1, 1)), (20.0, 20
 )
 def test_a_cause_beside_a_swing_is_named_with_its_size(causes):
     """A smooth function of time imitates both; the swing alone leaves the cause."""
-    found = diagnosed(*causes, SLOW)
-    assert abs(found.swing.period - 1100.0) < 4.0 * found.swing.u
+    found = diagnose(swinging(1100.0, *causes))
     assert {each.effect.name for each in found.causes} == {each.name for each in causes}
-    assert found.after.held_out_um < found.before.held_out_um
+    assert found.figures[1].heldout_rms_um < found.figures[0].heldout_rms_um
     widths = {each.name: each.width for each in causes}
     for each in found.causes:
         assert abs(each.effect.width - widths[each.effect.name]) < 3.0 * each.effect.u[0]
-
-
-@pytest.mark.parametrize(
-    ("period", "terms"),
-    [
-        pytest.param(250.0, ((0, 1), (1, 1)), marks=STATISTICAL),
-        pytest.param(120.0, ((0, 1), (1, 1)), marks=EXAM),
-        pytest.param(400.0, ((0, 2),), marks=EXAM),
-    ],
-)
-def test_a_swing_that_no_smooth_function_follows_is_found(period, terms):
-    """It would be taken for non-repeatability of Y, which it is not."""
-    found = diagnosed(Swing("Y", ("X", "time"), (X, (0.0, period)), terms, (20.0,) * len(terms), period))
-    assert abs(found.swing.period - period) < 4.0 * found.swing.u < 0.01 * period
-    assert (found.causes, found.estimated_noise) == ((), None)
 
 
 def grid():
@@ -152,37 +103,17 @@ def test_an_error_of_positions_that_come_at_equal_times_is_no_swing(path):
     q = np.stack([{"X": x, "Y": y, "Z": z}[axis.name] for axis in MACHINE.axes], axis=1)
     data = measured(MACHINE, q, THREE, TRUE, np.random.default_rng(5))
     wave = np.cos(2.0 * np.pi * x / 400.0 * 3.0) * (y / 150.0 - 1.0)
-    found = diagnose(replace(data, observed=data.observed + 0.02 * wave[:, None] * [0.0, 1.0, 0.0]))
-    assert found.swing is None
-    assert fast_swing(found.before.linearised, None) is None
+    observed = data.observed + 0.02 * wave[:, None] * [0.0, 1.0, 0.0]
+    found = diagnose(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    assert periods(found) == []
 
 
 @pytest.mark.statistical
-def test_what_moves_without_a_period_is_no_swing():
+def test_what_moves_without_a_period_is_no_cause():
     course = Unnamed("Y", ("X", "time"), (X, (0.0, 3000.0)), ((0, 2), (1, 3)), (60.0, 60.0))
-    found = diagnosed(course)
-    assert found.unexplained is not None
-    assert found.swing is None
-    assert diagnosis_json(found)["swing"] is None
-
-
-@pytest.mark.parametrize(
-    ("design", "machine", "draw", "seed"),
-    [
-        pytest.param("lines", "gantry", 0, 72001, marks=EXAM),
-        pytest.param("lines", "cframe", 1, 73001, marks=EXAM),
-        pytest.param("random3", "cframe", 1, 73001, marks=EXAM),
-        pytest.param("one-target", "cframe", 1, 73001, marks=EXAM),
-        pytest.param("diagonals", "dmu50", 1, 72001, marks=EXAM),
-    ],
-)
-def test_a_calibration_beside_a_swing_is_as_good_as_without_one(design, machine, draw, seed):
-    """Errors at unseen poses but for the swing itself, relative to the same data with nothing hidden."""
-    swing, none = (
-        exam.answer(exam.Key(design, cause, machine, draw, seed), timeout=600) for cause in ("swing", "none")
-    )
-    assert swing["accepted"], swing["reason"]
-    assert swing["unseen_nameable_um"] < 1.35 * none["unseen_um"][1]
+    found = diagnose(data_of(course))
+    assert found.unexplained
+    assert not found.causes
 
 
 @pytest.mark.exam
@@ -190,16 +121,6 @@ def test_a_part_of_a_swing_is_no_cause():
     """Without the noise that the swing leaves, settling of X explains a part of it."""
     found = exam.answer(exam.Key("lines", "swing", "gantry", 0, 77001), timeout=600)
     assert (found["named"], found["false"]) == (1, [])
-
-
-@pytest.mark.statistical
-def test_of_many_rows_it_is_found_by_some_of_them(monkeypatch):
-    """The model beside the swing has another number of parameters, and is evaluated at other rows."""
-    monkeypatch.setattr(evaluated_rows, "LEAST_ROWS", 100)
-    monkeypatch.setattr(evaluated_rows, "ENTRIES", 50_000)
-    found = diagnosed(SLOW)
-    assert len(found.after.linearised.rows) < len(found.measurement)
-    assert abs(found.swing.period - SLOW.period) < 4.0 * found.swing.u
 
 
 @pytest.mark.parametrize("design", quick(["lines-once", "three-targets"], [], []))

@@ -4,17 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.shapes.change_points import breaks
-from calibration.diagnosis.verdict import notes
-from support.diagnosis_cases import CFRAME, data_with, framed
+from support.diagnosis_cases import CFRAME, data_with
 from support.virtual_measurements import ONE, positions
 
+from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.library.causes import causes
 from calibration.fit.calibrate import calibrate
-from calibration.fit.fit import fit
 from calibration.instruments import Part
-from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.plausibility.checks import sanity
 from calibration.plausibility.times import pauses
 from calibration.simulation.simulate import observe
@@ -64,21 +60,10 @@ def test_several_targets_of_one_stop_may_have_one_time():
     assert said(replace(data, observed=data.observed + 1e-3 * np.arange(120)[:, None])) == []
 
 
-def test_a_jump_after_a_pause_is_the_likelier_one():
-    """Its moment was not searched among all rows."""
+def test_a_knock_in_a_pause_is_named_with_its_moment():
     data = data_with(StationShift("s1", (40.0, 0.0, 0.0), since_s=600.0), n=90)
-    later = 7200.0 * (data.state.time >= 600.0)
-    data = at_times(data, data.state.time + later)
-    model = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", 3)))
-    linearised = LinearisedFit.of(fit(data, model))
-    shifts = [each for each in breaks(linearised) if isinstance(each.effect, StationShift)]
-    assert [each.trials for each in shifts] == [90.0, 1.0]
-    assert shifts[1].effect.since_s == 7800.0
-
-
-def test_without_a_pause_there_is_one_moment():
-    found = [each for each in breaks(framed(n=90)) if isinstance(each.effect, StationShift)]
-    assert len(found) == 1
+    (cause,) = diagnose(at_times(data, data.state.time + 7200.0 * (data.state.time >= 600.0))).causes
+    assert (cause.kind, cause.effect.since_s) == ("station-shift", 7800.0)
 
 
 def part(time):
@@ -91,10 +76,10 @@ def part(time):
 
 def test_the_clock_of_a_part_is_that_of_the_measuring_machine():
     """The machine tool's heat is no candidate with it; a drift of the part on the measuring machine is one."""
-    found = [cause.effect for cause in causes(part(20.0 * np.arange(120)))]
+    found = causes(part(20.0 * np.arange(120)))
     assert any(isinstance(effect, TrackerDrift) for effect in found)
     assert not [effect for effect in found if effect.kind.startswith("thermal-")]
-    of_machine = [cause.effect for cause in causes(data_with())]
+    of_machine = causes(data_with())
     assert any(isinstance(effect, ThermalDrift) for effect in of_machine)
 
 
@@ -109,6 +94,7 @@ def test_the_hint_on_a_drift_of_a_part_names_the_measuring_machine():
 
 def test_a_drift_of_a_part_is_not_blamed_on_the_machine_tool():
     data = part(20.0 * np.arange(120))
-    linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys("XY", BasisChoice("legendre", 1)))))
-    (note,) = notes(linearised, TrackerDrift((5.0, 0.0, 0.0)))
-    assert "the machine tool has no part in it" in note
+    drifting = 2e-4 * np.arange(120)[:, None] * np.array([1.0, 0.0, 0.0])
+    observed = data.observed + drifting[:, : data.observed.shape[1]]
+    found = diagnose(replace(data, observed=observed, state=replace(data.state, observed=observed)), force=True)
+    assert [(cause.kind, cause.where) for cause in found.causes] == [("tracker-drift", "instrument")]
