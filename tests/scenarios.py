@@ -138,7 +138,7 @@ SCENARIOS = (
     _tracker("drift of the tool or of the tracker", "thermal-drift:component=Z,rate=200", SWEPT, causes={"thermal-drift Z": {"rate_um_per_h": 200}}, notes=("tracker-drift",)),
     _tracker("drift with a temperature", "thermal-drift-sensor:component=Z,sensor=spindle,coefficient=6", SCATTERED_TWICE, conditions="--temperature spindle=20:27", ties={"thermal-drift Z": "thermal-scale-sensor Z spindle about any Z"}),
     _tracker("drift of the tracker", "tracker-drift:shift_um_per_h=[20,-15,10],turn_urad_per_h=[0,0,0]", WITH_REFERENCE, causes={"tracker-drift": {}}),
-    _tracker("station shift", "station-shift:station=s1,since_s=700,shift_um=[15,-10,12],turn_urad=[0,0,0]", SCATTERED_TWICE, ties={"target-offset t1": "station-shift s1"}),
+    _tracker("station shift", "station-shift:station=s1,since_s=700,shift_um=[15,-10,12],turn_urad=[0,0,0]", SCATTERED_TWICE, ties={"target-offset t1": "station-shift s1 without a turn"}),
     _tracker("target in its nest", "target-offset:target=t2,offset_um=[15,-10,12]", THREE_TARGETS, causes={"target-offset t2": {"offset_um": 15}}),
     _tracker("outliers, tracker", "", SCATTERED_TWICE, conditions="--outliers 0.03", causes={"outliers": {}}),
     _tracker("range of one station", "tracker-range:offset_um=20", notes=("tracker-range",)),

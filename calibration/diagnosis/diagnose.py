@@ -20,8 +20,8 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, silent
 from kinematics.user_error import UserError
 
-LEAST = 4
-"""Parameters of an error motion that rows must be able to determine: a cubic, as of `calibration.fit.acceptance`."""
+LEAST = 3
+"""Parameters of an error motion that rows must be able to determine: a constant, a slope and a bow."""
 
 
 def diagnose(
