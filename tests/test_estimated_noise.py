@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import msgspec
 import numpy as np
 import pytest
 from shop_floor.question import ask
@@ -12,15 +11,15 @@ from support.virtual_measurements import ONE, THREE, measured, positions
 import machines
 from calibration.fit import noise
 from calibration.fit.fit import fit
-from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
+from calibration.fit.noise import with_estimated_noise
 from calibration.instruments import LaserTracker, Part
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.measurement.file import read_measurement
 from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, with_effects
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.normal_equations import whiteners
 from calibration.simulation.simulate import observe
-from kinematics.effects import Cyclic, StationShift
+from kinematics.effects import StationShift
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
@@ -73,18 +72,6 @@ def test_variances_that_rest_at_zero_grow_where_the_residuals_show_them(start):
     assert resting.of_axes == pytest.approx(every.of_axes, rel=0.01)
 
 
-def test_variances_whose_steps_turn_back_converge(tmp_path, monkeypatch):
-    """Scoring alone oscillates about the variance of an axis that is dropped in the end."""
-    path = tmp_path / "data.csv"
-    path.write_text(ask("few", "stick-slip", "cframe", 0).sheet(), encoding="utf-8")
-    data = read_measurement(path, machines.load("cframe"))
-    model, prior = with_effects(data, dict.fromkeys("XYZ", BasisChoice("cubic", 6)), [], 0.5)
-    found, steps, moments = fit(data, model, prior=prior), [], noise._Components.moments
-    monkeypatch.setattr(noise._Components, "moments", lambda *given: steps.append(given) or moments(*given))
-    assert with_noise_of_visits(found).noise is not None
-    assert len(steps) < 2 * noise.STEPS
-
-
 def test_of_two_axes_that_explain_the_same_the_clearer_remains(tmp_path):
     """X and Y are each uncertain beside the other; without both, the instrument would seem to be noisy."""
     path = tmp_path / "data.csv"
@@ -97,23 +84,6 @@ def test_of_two_axes_that_explain_the_same_the_clearer_remains(tmp_path):
     assert found is not None
     assert found.instrument_factor == 1.0
     assert list(found.non_repeatability) == ["Y"]
-
-
-def test_an_error_that_recurs_at_each_visit_is_misfit_and_no_lack_of_repeatability():
-    rng = np.random.default_rng(4)
-    wave = Cyclic("X", "X", 40.0, (20.0,), (0.0,))
-    model = msgspec.structs.replace(no_errors(CFRAME), effects=(wave,))
-    q = rng.permutation(np.repeat(positions(CFRAME, 70, rng), 3, axis=0))
-    found = fitted(measured(CFRAME, q, THREE, model, rng))
-    visits, whole = with_noise_of_visits(found).noise, with_estimated_noise(found).noise
-    assert visits is not None
-    assert whole is not None
-    assert not visits.non_repeatability
-    assert visits.arms.shape[2] == 0
-    assert visits.misfit["X"] == pytest.approx(0.02 / np.sqrt(2.0), rel=0.3)
-    assert whole.misfit == visits.misfit
-    assert np.linalg.norm(whole.arms[:, :, 0], axis=1) == pytest.approx(visits.misfit["X"], rel=1e-3)
-    assert "The model lacks errors of X of" in visits.text
 
 
 def test_visits_that_do_not_see_an_axis_limit_none_of_its_variance():
@@ -153,9 +123,6 @@ def test_decorrelated_rows_of_a_stop_are_white():
     columns[rows] = root.reshape(3, 3, 9)
     done = transform.apply(white @ columns)[rows].reshape(9, 9)
     np.testing.assert_allclose(done @ done.T, np.eye(9), atol=1e-9)
-    residual = np.random.default_rng(1).standard_normal((len(data), 3))
-    back = transform.undone(transform.apply(whitened(white, residual)))
-    np.testing.assert_allclose(back, whitened(white, residual), atol=1e-9)
 
 
 def test_a_part_measured_in_two_coordinates_has_the_noise_of_its_measuring_machine():
@@ -170,20 +137,6 @@ def test_a_part_measured_in_two_coordinates_has_the_noise_of_its_measuring_machi
     assert noise is not None
     assert noise.instrument_factor**0.5 == pytest.approx(2.0, rel=0.15)
     assert not noise.non_repeatability
-
-
-@pytest.mark.parametrize("again", [True, False])
-def test_a_noisy_instrument_is_told_from_a_poor_model_by_positions_measured_again(again):
-    rng = np.random.default_rng(2)
-    q = positions(CFRAME, 60, rng)
-    q = np.concatenate([q, q if again else positions(CFRAME, 60, rng)])
-    data = measured(CFRAME, q, ONE, no_errors(CFRAME), rng)
-    found = with_noise_of_visits(fitted(replace(data, instrument=HALF))).noise
-    assert found is not None
-    assert found.instrument_factor == pytest.approx(4.0, rel=0.3)
-    assert found.revisited is again
-    assert ("The instrument scatters" in found.text) is again
-    assert ("the model lacks errors" in found.text) is not again
 
 
 @pytest.mark.parametrize("other", [{}, {0: 0.003}, {1: 0.05}, {0: 0.05, 1: 0.05, 2: 0.05}])
