@@ -19,7 +19,6 @@ from clients import linuxcnc_sim as simulator
 from clients import rs274
 from support.command import Done, run_command
 from support.file_examples import PROGRAM
-from support.present_design import calls_inside
 from support.programs import load, shifted
 from support.real_data import NC_DATA, REAL_DATA
 from support.table_cases import few_positions
@@ -72,10 +71,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put every test in one tier, and mark those that need LinuxCNC, or that call the inside of the diagnosis.
-
-    `-m "not linuxcnc"` and `-m "not present_design"` leave them out.
-    """
+    """Put every test in one tier, and mark those that need LinuxCNC: `-m "not linuxcnc"` leaves them out."""
     for item in items:
         fixtures = set(getattr(item, "fixturenames", ()))
         marked = TIERS & {marker.name for marker in item.iter_markers()}
@@ -86,8 +82,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("integration" if whole else "unit")
         if fixtures & LINUXCNC:
             item.add_marker("linuxcnc")
-        if calls_inside(item.path, item.name.partition("[")[0]):
-            item.add_marker("present_design")
 
 
 class FailuresAtOnce:

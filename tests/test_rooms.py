@@ -17,40 +17,20 @@ TESTS_OF_CLASSES = {
     # the lists of a model by class, which other rooms use
     "kinematics/error_model/model.py": 2,
     # curves in place of error motions
-    "calibration/fit/curves/between_positions.py": 2,
+    "calibration/fit/curves/between_positions.py": 1,
     "calibration/fit/omitted_waves.py": 1,
     "calibration/gaussian_terms/given/merged.py": 4,
     # products of error motions, and their turn about another point
     "calibration/observation/mean_lines.py": 3,
     "calibration/observation/products.py": 1,
     # facts that are not on the classes yet
-    "calibration/diagnosis/acceptance.py": 1,
-    "calibration/diagnosis/forms.py": 1,
-    "calibration/diagnosis/verdict.py": 4,
     # the search
-    "calibration/diagnosis/residual/absorber.py": 1,
-    "calibration/diagnosis/residual/found_again.py": 4,
-    "calibration/diagnosis/residual/modulation.py": 2,
-    "calibration/diagnosis/residual/recurring.py": 1,
-    "calibration/diagnosis/residual/undetermined_periods.py": 6,
-    "calibration/diagnosis/residual/unexplained.py": 1,
-    "calibration/diagnosis/search/candidates.py": 1,
-    "calibration/diagnosis/search/common_causes.py": 2,
-    "calibration/diagnosis/search/evaluation.py": 1,
-    "calibration/diagnosis/search/imitated_causes.py": 1,
     "calibration/gaussian_terms/given/larger_range.py": 1,
-    "calibration/diagnosis/search/selection.py": 6,
-    "calibration/diagnosis/search/shapes/change_points.py": 5,
-    "calibration/diagnosis/search/shapes/proposed_shapes.py": 2,
-    "calibration/diagnosis/search/start_model.py": 5,
-    "calibration/diagnosis/search/sudden_changes.py": 3,
-    "calibration/diagnosis/unseen/fine_errors.py": 1,
 }
 """Number of tests by file. Add none: put a fact on the class, as those of `kinematics/effects/base.py`."""
 
 
 TESTS_OF_INSTRUMENTS = {
-    "calibration/diagnosis/residual/unexplained.py": 1,
     "calibration/on_the_fly/readings.py": 1,
     "calibration/optimal/optimise.py": 1,
 }

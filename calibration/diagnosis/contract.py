@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from kinematics.effects import Effect, Reversal
+from kinematics.effects import Effect
 from kinematics.effects.base import own_component
 
 DISTINGUISHING = (
@@ -39,12 +39,9 @@ def is_rare(effect: Effect) -> bool:
 
 
 def family_of(effect: Effect) -> tuple[str, str | None, str | None]:
-    """What all variants of one cause share: kind, axis, component, and other axis, degree, side or moment.
-
-    A reversal along its own axis is a backlash that changes with the position.
-    """
-    if isinstance(effect, Reversal) and effect.component == own_component(effect.axis):
-        return "backlash", where(effect), None
+    """What all variants of one cause share: kind, axis, component, and other axis, degree, side or moment."""
+    if effect.ALONG_OWN_AXIS and getattr(effect, "component", None) == own_component(effect.axes[0]):
+        return effect.ALONG_OWN_AXIS, where(effect), None
     fields = (getattr(effect, field, None) for field in ("component", "other", "degree", "motion", "side", "over"))
     moment = None if effect.moment is None else "since"
     distinguished = "".join(str(field) for field in (*fields, moment) if field is not None)

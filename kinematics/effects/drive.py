@@ -124,6 +124,7 @@ class Reversal(EffectBase, frozen=True, tag="reversal"):
     REMEDY: ClassVar[Remedy] = "bidirectional table"
     POSITIONS = "of its axis"
     RARE = True
+    ALONG_OWN_AXIS = "backlash"
     IN_POSITIONING = "reversal"
     SHOWN_OVER = "position by direction"
     SHOWN_BY = "positions approached from both sides, over the whole travel"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -61,10 +62,8 @@ def diagnose(
     measurement = form.read(data, found_machine)
     with console.status("reading") as status:
         found = ncomp.diagnose(measurement, present, unexplained=unexplained, force=force, progress=status.update)
-    against = "" if calibration is None else f" --calibration {calibration}"
-    command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
     files = Files(machine, str(output), None if calibration is None else str(calibration))
-    report = diagnosis_report(found, command, files)
+    report = diagnosis_report(found, _command(data, machine, calibration), files)
     with whole_results(*others.files, str(output) if found.accepted else None) as (results, page, file):
         if found.accepted:
             file.write(calibration_file(found.model, found_machine))
@@ -73,3 +72,9 @@ def diagnose(
     if not found.accepted:
         raise UserError(f"{measurement.source}: {found.reason}")
     form.note_date([measurement])
+
+
+def _command(data: Sequence[Path], machine: str, calibration: Path | None) -> str:
+    """The command, as the report shows it."""
+    against = "" if calibration is None else f" --calibration {calibration}"
+    return f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
