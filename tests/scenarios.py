@@ -156,5 +156,5 @@ SCENARIOS = (
     _laser("two drifts of a length", "thermal-scale-quadratic:axis=X,sensor=scale,coefficient=5,quadratic=3", conditions="--temperature scale=18:26", causes={"thermal-scale X": {}}),
     _tracker("basis that is too coarse", "cyclic:component=X,axis=X,period=200,sine=[12],cosine=[6]", SCATTERED_TWICE, before="coarse --basis legendre:3 --force", causes={"cyclic X": {}}),
     _ballbar("following error", "following-error:axis=X,lag_ms=1", causes={"servo-mismatch X": {"lag_ms": 1}}),
-    _tracker("twist", "cross-axis:component=Z,axis=X,other=Y,own_interval=[0,600],other_interval=[0,450],own_degree=1,other_degree=1,coefficients=[0,25]", causes={"cross-axis X": {}}),
+    _tracker("twist", "cross-axis:component=Z,axis=X,other=Y,own_interval=[0,600],other_interval=[0,450],own_degree=1,other_degree=1,coefficients=[0,25]", causes={"cross-axis Y": {}}),
 )  # fmt: skip

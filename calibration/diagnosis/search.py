@@ -3,8 +3,8 @@
 From a structure six moves lead to others: *add* a term, *drop* one, *exchange* one for a member of another family,
 *refine* one (another time constant, period, moment), *split* one into several, *merge* two into one. The likeliest move
 by closed-form odds is made, sizes and noise are found again, and the structure stays if its log posterior has risen.
-Where no move is likely, the few likeliest causes are *retried*: added with sizes and noise found again beside them,
-since sizes that were found without a cause speak against it.
+Where no move is likely, the few likeliest causes are *retried*: added, or put in the place of another one, with sizes
+and noise found again, since sizes that were found without a cause speak against it.
 """
 
 from __future__ import annotations
@@ -116,17 +116,16 @@ class Search:
         return None
 
     def _retried(self, candidates: Candidates) -> Structure | None:
-        """The structure with the likeliest of a few causes, sizes and noise found again; None where none is likely."""
-        structure, terms = candidates.structure, candidates.terms
-        families = candidates.by_family(candidates.odds())
-        gains = [(odds - terms[best].log_prior, best) for odds, best in families.values() if odds > DOUBTFUL]
+        """The structure with another cause, or another one in the place of one, sizes and noise found again.
+
+        None where none is likelier. A few of the likeliest are tried.
+        """
         found = []
-        for _, best in sorted((each for each in gains if each[0] > RISE), reverse=True)[:RETRIED]:
-            together = (*structure.terms, terms[best])
-            if _key(together) not in self._tried:
-                self._tried.add(_key(together))
-                found.append(structure.with_terms(together).with_sizes(STEPS))
-        return self._better(found, structure)
+        for terms in (*_doubtful_causes(candidates), *_doubtful_exchanges(candidates)):
+            if _key(terms) not in self._tried:
+                self._tried.add(_key(terms))
+                found.append(candidates.structure.with_terms(terms).with_sizes(STEPS))
+        return self._better(found, candidates.structure)
 
     def _better(self, sized: Sequence[Structure], structure: Structure) -> Structure | None:
         """The likeliest of some structures with noise and outliers found again, if it is likelier than a structure.
@@ -209,6 +208,24 @@ def additions(candidates: Candidates) -> Iterator[Move]:
     for odds, term in _likeliest(candidates, (), RIVALS + 1, refine=True):
         if odds > PRESENT:
             yield Move(odds - PRESENT, f"add {term.name}", (*structure.terms, term))
+
+
+def _doubtful_causes(candidates: Candidates) -> Iterator[tuple[Term, ...]]:
+    """Terms with one of a few causes that already explain something of the data."""
+    families = candidates.by_family(candidates.odds())
+    gains = [(odds - candidates.terms[best].log_prior, best) for odds, best in families.values() if odds > DOUBTFUL]
+    for _, best in sorted((each for each in gains if each[0] > RISE), reverse=True)[:RETRIED]:
+        yield (*candidates.structure.terms, candidates.terms[best])
+
+
+def _doubtful_exchanges(candidates: Candidates) -> Iterator[tuple[Term, ...]]:
+    """Terms with a rival in the place of a cause, which sizes found beside the cause speak for."""
+    for number, term in enumerate(candidates.structure.terms):
+        least = candidates.own(number) + DOUBTFUL
+        rest = tuple(other for other in candidates.structure.terms if other is not term)
+        for odds, rival in _likeliest(candidates, (number,), RIVALS, refine=True) if term.named else ():
+            if odds > least:
+                yield (*rest, rival)
 
 
 def _changes(candidates: Candidates) -> Iterator[Move]:

@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.candidates import Candidates, by_family
+from calibration.diagnosis.search import DOUBTFUL
 from calibration.diagnosis.waves import waves
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
@@ -141,11 +142,11 @@ def _of_other_families(place: _Place, term: Term, own: float) -> Iterator[Rival]
         if family == term.family:
             continue
         found = list(place.at_moment(family, moment))
-        if place.near(own, together):
+        if place.near(own, together - DOUBTFUL):
             found.append(place.of_members(family))
         if found:
             likeliest, odds = max(found, key=lambda each: each[1])
-            yield Rival(likeliest, own - odds)
+            yield Rival(likeliest, place.found_again(likeliest, own - odds))
 
 
 class _Place(NamedTuple):
@@ -168,6 +169,14 @@ class _Place(NamedTuple):
     def odds(self, terms: Sequence[Term]) -> Array:
         """Log odds `(len(terms),)` of terms in this place, against none."""
         return self.candidates.exact(terms, {self.number})
+
+    def found_again(self, rival: Term, log_odds: float) -> float:
+        """Log odds against a rival; where these are doubtful, with sizes found again beside it."""
+        if not (rival.named and CLEAR <= log_odds < CLEAR - DOUBTFUL):
+            return log_odds
+        structure = self.candidates.structure
+        terms = [rival if i == self.number else term for i, term in enumerate(structure.terms)]
+        return min(log_odds, structure.total - structure.with_terms(terms).with_sizes(STEPS).total)
 
     def near(self, own: float, odds: float) -> bool:
         """True where log odds in single precision may be those of a rival of a term with these log odds."""
