@@ -136,6 +136,6 @@ def test_with_no_row_in_common_nothing_says_whether_the_machine_has_changed():
     given = calibrate(seen(CFRAME, model, 1, 200, 0.4), basis="cubic:4").model
     found = diagnose(seen(CFRAME, model, 5, 200, 0.3, first=0.7), given)
     assert found.causes == ()
-    assert found.machine_change is None
-    assert diagnosis_json(found)["machine_change"] is None
-    assert "differ by" not in diagnosis_report(found, "ncomp diagnose").verdict
+    assert not found.machine_change.significant
+    assert diagnosis_json(found)["machine_change"]["u_um"] > found.machine_change.rms_um
+    assert "CHANGED" not in diagnosis_report(found, "ncomp diagnose").verdict

@@ -40,7 +40,7 @@ def swinging(period, *effects):
 def periods(found):
     """Periods of the swings of a diagnosis, s."""
     names = [each.term.name for each in found.unexplained if each.term.kind == "swing"]
-    return [float(name.partition("period of ")[2].partition(" s")[0]) for name in names]
+    return [float(name.partition("periodic in time (")[2].partition(" s")[0]) for name in names]
 
 
 def unseen_um(model):
