@@ -220,6 +220,7 @@ class AtStation(OfInstrument, frozen=True):
     def at_place(self, machine: Machine, state: State, course: Array) -> Iterator[Columns]:  # noqa: ARG002
         """See `Course.at_place`; observations move in the opposite direction."""
         points = state.need("observed", self.name)
+        points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))  # an instrument may observe x and y alone
         values = np.empty((len(points), 3, 6))
         values[:, :, :3] = -np.eye(3) * UM
         values[:, :, 3:] = -by_turn(points) * URAD
