@@ -46,7 +46,7 @@ def periods(found):
 def unseen_um(model):
     """Errors of the machine's own that a model leaves at positions that were not measured, um, RMS."""
     q = positions(MACHINE, 300, np.random.default_rng(99))
-    state, tool = State(q, np.full(len(q), 0.0)), np.tile([0.0, 0.0, -120.0], (len(q), 1))
+    state, tool = State(q, time=np.zeros(len(q))), np.tile([0.0, 0.0, -120.0], (len(q), 1))
     real, found = (exact_deviation(MACHINE, q, each.errors(MACHINE, state), tool).position for each in (TRUE, model))
     less = without_clamp(forward(MACHINE, q).apply(tool))
     return float(np.sqrt(3.0 * np.mean((1e3 * less @ (real - found).reshape(-1)) ** 2)))

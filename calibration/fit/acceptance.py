@@ -107,8 +107,10 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
 def information(measurement: Measurement) -> int:
     """Largest number of parameters that the rows can determine: at each position the six of a rigid body at most."""
     _, position = np.unique(np.round(measurement.state.positions, 6), axis=0, return_inverse=True)
-    targets = np.unique(np.stack([position.reshape(-1), measurement.target_number], axis=1), axis=0)
-    return int(np.minimum(np.bincount(targets[:, 0]) * measurement.components, 6).sum())
+    component = np.zeros(len(measurement)) if measurement.component is None else measurement.component
+    _, read = np.unique(component, return_inverse=True)
+    seen = np.unique(np.stack([position.reshape(-1), measurement.target_number, read], axis=1), axis=0)
+    return int(np.minimum(np.bincount(seen[:, 0]) * measurement.components, 6).sum())
 
 
 def disagreement(found: Fit) -> str:
