@@ -23,7 +23,7 @@ import machines
 from calibration.observation.mean_lines import arms_of
 from calibration.observation.normal_equations import whiteners
 from calibration.observation.outliers import duplicates, first_registration
-from calibration.observation.stops_and_lines import held_out_blocks, lines, visited
+from calibration.observation.stops_and_lines import held_out_blocks, lines
 from calibration.registration.observed_points import nominal_points
 from postproc.correct.check import check
 from postproc.correct.pipeline import Pipeline
@@ -172,7 +172,7 @@ KEPT = {("kinematics.error_transform", "_loaded"), ("calibration.study.chunks", 
 """Caches: derived code by the geometry of its machine, and cases of a study by all that decides their results."""
 
 
-DERIVED = (nominal_points, whiteners, first_registration, duplicates, arms_of, lines, visited, held_out_blocks)
+DERIVED = (nominal_points, whiteners, first_registration, duplicates, arms_of, lines, held_out_blocks)
 """Functions that are `derived` from a measurement alone."""
 GIVEN = tuple(f"data[{name!r}]" for name in ("machine", "state", "observed"))
 """What a measurement is made of."""
