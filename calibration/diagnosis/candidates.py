@@ -26,12 +26,18 @@ LEAST = 1e-3
 
 
 class Beyond(NamedTuple):
-    """What the geometry of a structure leaves of whitened columns."""
+    """What the geometry of a structure leaves of whitened columns: with its prior sizes, a part of each direction.
+
+    The root of this part is taken, so that products of what is left are those that the evidence needs. A difference of
+    large products would lose the digits of causes that the geometry explains nearly.
+    """
 
     directions: Array
-    """`(N, r)`: the geometry takes the products with these from any columns; the registration is among them."""
+    """`(N, r)`, orthonormal; those of the registration first."""
+    taken: Array
+    """Share `(r,)` of each direction that is taken."""
     residual: Array
-    """What it leaves of the observations `(N,)`."""
+    """What is left of the observations `(N,)`."""
 
     @classmethod
     def of(cls, structure: Structure) -> Beyond:
@@ -40,9 +46,17 @@ class Beyond(NamedTuple):
         size = structure.sizes[:geometry] / np.sqrt(structure.noise.factor)
         values, vectors = np.linalg.eigh(equations.gram[:geometry, :geometry] * size[:, None] * size)
         used = values > LEAST
-        turned = vectors[:, used] * size[:, None] / np.sqrt(1.0 + values[used])
-        directions = np.concatenate([structure.whitener.spanned, equations.design[:, :geometry] @ turned], axis=1)
-        return cls(directions, equations.residual - directions @ (directions.T @ equations.residual))
+        turned = vectors[:, used] * size[:, None] / np.sqrt(values[used])
+        spanned = structure.whitener.spanned
+        directions = np.concatenate([spanned, equations.design[:, :geometry] @ turned], axis=1)
+        taken = np.concatenate([np.ones(spanned.shape[1]), 1.0 - 1.0 / np.sqrt(1.0 + values[used])])
+        bare = cls(directions, taken, equations.residual)
+        return bare._replace(residual=bare.left(equations.residual))
+
+    def left(self, table: Array) -> Array:
+        """What is left of whitened columns `(N, ...)`, in their precision."""
+        directions = self.directions.astype(table.dtype, copy=False)
+        return np.asarray(table - (directions * self.taken.astype(table.dtype)) @ (directions.T @ table))
 
 
 class Present(NamedTuple):
@@ -52,19 +66,18 @@ class Present(NamedTuple):
     columns: Array
     """What the geometry leaves of their columns `(N, a)`."""
     gram: Array
-    """Products `(a, a)` of these with the columns."""
+    """Products `(a, a)` of these."""
     along: Array
-    """Products `(a,)` of these with the observations."""
+    """Products `(a,)` of these with what is left of the observations."""
     starts: np.ndarray
     """First column of each term, and the number of columns at the end."""
 
     @classmethod
     def of(cls, structure: Structure, beyond: Beyond) -> Present:
         """The terms of a structure."""
-        columns = structure.equations.design[:, len(structure.data.geometry.bands) :]
-        left = columns - beyond.directions @ (beyond.directions.T @ columns)
+        left = beyond.left(structure.equations.design[:, len(structure.data.geometry.bands) :])
         starts = np.cumsum([0, *(term.width for term in structure.terms)])
-        return cls(beyond, left, columns.T @ left, left.T @ structure.equations.residual, starts)
+        return cls(beyond, left, left.T @ left, left.T @ beyond.residual, starts)
 
 
 class Columns(NamedTuple):
@@ -217,16 +230,14 @@ def _grouped(
 
 def _block(structure: Structure, present: Present, widths: Sequence[int], raw: Array) -> Iterator[Columns]:
     """The terms of one block, with columns `(n, d, sum of widths)`; numbers are those within the block."""
-    white = structure.whitener.with_stated(raw)
-    precision = white.dtype
-    through = present.beyond.directions.T.astype(precision) @ white
-    along = present.beyond.residual.astype(precision) @ white
-    across = present.columns.astype(precision).T @ white
+    left = present.beyond.left(structure.whitener.with_stated(raw))
+    along = present.beyond.residual.astype(left.dtype) @ left
+    across = present.columns.astype(left.dtype).T @ left
     starts = np.cumsum([0, *widths])
     for width in sorted(set(widths)):
         numbers = np.flatnonzero(np.array(widths) == width)
         index = starts[numbers][:, None] + np.arange(width)
-        products = _products(white, index) - _products(through, index)
+        products = _products(left, index)
         values, vectors = np.linalg.eigh(products.astype(float))
         yield Columns(
             numbers,

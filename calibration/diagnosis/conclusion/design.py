@@ -23,6 +23,8 @@ from kinematics.transforms import Array
 
 PARALLEL = 1e-6
 """Share of the largest eigenvalue of the products of some columns, in single precision, below which it is rounding."""
+ROUNDING = 1e-9
+"""Squares of a signal, in variances of the noise, below which it is rounding."""
 SAME = 6
 """Decimals of a cosine beyond which causes with equal signals differ by rounding only: they are ordered by name."""
 
@@ -92,7 +94,7 @@ class _Table(NamedTuple):
                 term.kind,
                 own,
                 "not visible" if log_odds < CLEAR else "tied" if ties else "visible",
-                float(np.sqrt(signal / max(whole, signal))),
+                float(np.sqrt(signal / max(whole, signal, ROUNDING))),
                 log_odds,
                 tuple(sorted(ties.items(), key=lambda tie: (-round(tie[1], SAME), tie[0]))),
                 term.effects[0].SHOWN_BY,
