@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from calibration.diagnosis.axis_order import other_order
 from calibration.diagnosis.conclusion.result import Diagnosis, answered
 from calibration.diagnosis.search import search
 from calibration.fit.acceptance import SPARE, information
@@ -49,6 +50,8 @@ def diagnose(
     if given is None:
         _refuse_few(observations)
     found = search(observations, progress)
+    if chain := other_order(found.structure):
+        findings = [*findings, Finding("chain", chain, False)]
     progress("verdicts and calibration")
     return answered(found.candidates, findings, force=force, add_unexplained=add_unexplained)
 
