@@ -1,0 +1,35 @@
+"""The uncertainty of the next stop: an axis that does not repeat stops elsewhere, at every position."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinematics.basis import Basis
+from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+
+POSITIONS = 200
+"""Positions over the range of an axis at which its stops are uncertain."""
+
+
+def with_next_stop(model: ErrorModel, repeats: Mapping[str, float]) -> ErrorModel:
+    """A calibration whose positioning errors are uncertain by what their axes repeat to, um or urad (k=1)."""
+    if model.covariance is None:
+        return model
+    covariance = np.array(model.covariance)
+    for motion, part in model.error_motions:
+        if motion.component == own_component(motion.axis) and motion.axis in repeats:
+            covariance[part, part] += repeats[motion.axis] ** 2 * _of_stops(motion.basis)
+    return model.with_parameters(model.parameters, covariance)
+
+
+def _of_stops(basis: Basis) -> Array:
+    """Covariance `(p, p)` of coefficients that gives a mean variance of 1 over the range, without zero and scale."""
+    x = np.linspace(*basis.interval, POSITIONS)
+    columns, line = basis.columns(x), np.stack([np.ones_like(x), x - x.mean()], axis=1)
+    fine = columns - line @ np.linalg.lstsq(line, columns)[0]
+    back = np.linalg.pinv(columns.T @ columns) * POSITIONS
+    return np.asarray(back @ (fine.T @ fine / POSITIONS) @ back / max(basis.size - line.shape[1], 1))
