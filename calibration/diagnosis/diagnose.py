@@ -85,7 +85,8 @@ def _refuse_few(observations: Observations) -> None:
     unknown, known = registered + of_motions, information(measurement)
     if not moving:
         raise UserError(f"{measurement.source}: no axis moves: measure positions at which an axis moves")
-    if known < unknown or measurement.observed.size * (1.0 - SPARE) < unknown:
+    few = known < unknown and observations.components > 1  # of one component, runs repeat their few targets
+    if few or measurement.observed.size * (1.0 - SPARE) < unknown:
         positions = math.ceil(unknown / (1.0 - SPARE) / observations.components)
         advice = f"measure about {positions} positions or more, spread over the travel"
         stations = len(np.unique(measurement.groups))

@@ -18,6 +18,7 @@ from calibration.diagnosis.prior_odds import odds_of_kind, with_log_prior
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
+from calibration.measurement.measurement import Measurement
 from kinematics.effects import Cyclic, Effect, QuantisedCompensation
 from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
@@ -106,6 +107,13 @@ def _in_family(term: Term, family: Hashable) -> Term:
     return replace(term, family=family, finer=lambda: [_in_family(each, family) for each in finer()])
 
 
+def shortest_period(measurement: Measurement, axis: str) -> float:
+    """The shortest period that is sought along an axis, mm or degrees."""
+    low, high = measurement.moving[axis]
+    shortest = SHORTEST_DEG if axis[0] in "ABC" else SHORTEST_MM
+    return min(shortest, POSITIONS * (high - low) / measurement.distinct_positions[axis])
+
+
 @dataclass(frozen=True)
 class Scan:
     """What may be left of the positioning error of an axis, at each of its positions."""
@@ -129,9 +137,7 @@ class Scan:
         observations = structure.data.observations
         measurement = observations.measurement
         low, high = measurement.moving[axis]
-        shortest = SHORTEST_DEG if axis[0] in "ABC" else SHORTEST_MM
-        shortest = min(shortest, POSITIONS * (high - low) / measurement.distinct_positions[axis])
-        turns = np.arange(FEWEST_TURNS, (high - low) / shortest, STEP)
+        turns = np.arange(FEWEST_TURNS, (high - low) / shortest_period(measurement, axis), STEP)
         arm = structure.whitener.rows(own_arm(observations, axis)[:, :, None] * unit_of(axis)[1])[:, 0]
         position = measurement.state.position(measurement.machine, axis)
         positions, number = np.unique(position, return_inverse=True)

@@ -15,6 +15,7 @@ from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, Unidentifiable
 from calibration.fit.set_up.run_zeros import run_zeros
+from calibration.measurement.measurement import Measurement
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
 from calibration.reports.figures.fit import along_axes, by_direction, distribution, error_motions_figure
@@ -24,6 +25,7 @@ from kinematics.effects import Effect, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import probability, rounded
 from kinematics.machine import Machine
+from kinematics.transforms import Array
 from rendering.report import Report, Section, Table, facts, shortened
 from rendering.volume import Field, uncertainty_of, volume_section
 
@@ -108,7 +110,7 @@ def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Repo
     measurement = found.fit.measurement
     lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     residual = residual_sentence(found.before_rms_um, found.fit, found.cross_validation)
-    left_out = left_out_sentence(found.fit)
+    left_out = left_out_sentence(found.fit.measurement, found.fit.outliers, found.fit.residual_um)
     verdict = [*insignificant(found.significant_share), residual, *left_out, *_verdict(found.fit)]
     title = f"Calibration of {measurement.machine.name}"
     head = measured_head(measurement, found.model if found.accepted else None, command)
@@ -122,12 +124,14 @@ def residual_sentence(before_um: float, after: Fit, held: CrossValidation | None
     return f"Residual {before_um:.2f} -> {after.rms_um:.2f} {unit} RMS{_held_out(held, unit)}."
 
 
-def left_out_sentence(fit: Fit) -> Iterator[str]:
-    """Number, size and run of the rows that were left out one by one; nothing where there are none."""
-    rows, measurement = fit.outliers, fit.measurement
+def left_out_sentence(measurement: Measurement, rows: np.ndarray, residual_um: Array) -> Iterator[str]:
+    """Number, size and run of rows that were left out one by one; nothing where there are none.
+
+    residual_um `(n,)`: of all rows, in the unit of the measurement.
+    """
     if not len(rows):
         return
-    sizes = [f"{measurement.where(int(row))} ({fit.residual_um[row]:.3g} {measurement.unit})" for row in rows]
+    sizes = [f"{measurement.where(int(row))} ({residual_um[row]:.3g} {measurement.unit})" for row in rows]
     runs = [] if measurement.run is None else np.unique(measurement.run).tolist()
     theirs = [] if measurement.run is None else np.unique(measurement.run[rows]).tolist()
     where = f", all of run {theirs[0]}" if len(theirs) == 1 < len(runs) and len(rows) > 1 else ""

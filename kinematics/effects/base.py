@@ -246,6 +246,10 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         """Names of the temperatures that it follows."""
         return (self.sensor,) if hasattr(self, "sensor") else ()
 
+    def shown_by(self, state: State) -> str:  # noqa: ARG002
+        """The measurement that shows it, where some states do not."""
+        return self.SHOWN_BY
+
     @property
     def needs(self) -> tuple[str, ...]:
         """The columns of State, besides positions, that this effect requires."""

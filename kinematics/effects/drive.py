@@ -361,6 +361,10 @@ class Settling(EffectBase, frozen=True, tag="settling"):
         yield Columns(i, component, -1e-6 * forward * state.need("last_move", self.name)[:, [i]])
 
 
+OF_ITS_RUN = "runs without a new zero of the instrument: the zero of the first run contains it"
+"""Measurement that shows a transient of the first run where there are several runs."""
+
+
 class FirstCycle(EffectBase, frozen=True, tag="first-cycle"):
     """The first measuring cycle differs from all later ones: backlash is taken up, or the machine is not yet run in."""
 
@@ -378,6 +382,13 @@ class FirstCycle(EffectBase, frozen=True, tag="first-cycle"):
     component: Component
     axis: str
     offset: float
+
+    def shown_by(self, state: State) -> str:
+        """See `EffectBase.shown_by`: the zero of the instrument in the first of several runs contains it."""
+        several = state.cycle is not None and bool(np.any(state.cycle > 0))
+        return (
+            "runs without a new zero of the instrument: that of the first run contains it" if several else self.SHOWN_BY
+        )
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""

@@ -97,7 +97,7 @@ class _Table(NamedTuple):
                 float(np.sqrt(signal / max(whole, signal, ROUNDING))),
                 log_odds,
                 tuple(sorted(ties.items(), key=lambda tie: (-round(tie[1], SAME), tie[0]))),
-                term.effects[0].SHOWN_BY,
+                term.effects[0].shown_by(self.candidates.structure.data.observations.measurement.state),
             )
 
     def _ties(self, tried: _Tried, number: int, own: str, signal: float) -> Iterator[tuple[str, float]]:

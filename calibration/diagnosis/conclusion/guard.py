@@ -1,6 +1,7 @@
 """Held-out blocks: what a structure predicts of rows from the others, against its geometry alone, and against nothing.
 
-One rule: a result that predicts the blocks worse than no model at all, beyond their spread, is not written.
+One rule: a result that predicts the blocks worse than no model at all is not written; beside a calibration of the same
+machine, of which there is little to learn, where it does so beyond the spread of the blocks.
 """
 
 from __future__ import annotations
@@ -33,14 +34,13 @@ class HeldOut(NamedTuple):
     """With a registration alone."""
     gains: Gains
     """Of each block: squares with nothing, minus those with all terms."""
+    beside_given: bool
+    """True where nothing is the calibration that was given."""
 
     @property
     def worse(self) -> bool:
-        """True where no model at all predicts better, beyond the spread of the blocks.
-
-        Beside a calibration of the same machine there is little to learn, and a difference that is chance has any sign.
-        """
-        return self.gains.worse
+        """True where no model at all predicts better."""
+        return self.gains.worse if self.beside_given else self.with_all > self.nothing
 
 
 def held_out(structure: Structure) -> HeldOut:
@@ -52,7 +52,9 @@ def held_out(structure: Structure) -> HeldOut:
     all_sets = [everything, np.arange(geometry), everything[:0], *each]
     residuals = _predicted(structure, all_sets)
     with_all, alone, nothing, *without = (rms_um(structure, residual) for residual in residuals)
-    return HeldOut(with_all, tuple(without), alone, nothing, _gains(structure, residuals[2], residuals[0]))
+    gains = _gains(structure, residuals[2], residuals[0])
+    given = structure.data.observations.given is not None
+    return HeldOut(with_all, tuple(without), alone, nothing, gains, given)
 
 
 def _gains(structure: Structure, other: Array, own: Array) -> Gains:

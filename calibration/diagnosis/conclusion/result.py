@@ -26,7 +26,7 @@ from calibration.diagnosis.conclusion.mixture import (
 )
 from calibration.diagnosis.conclusion.next_stop import with_next_stop
 from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, judged
-from calibration.diagnosis.conclusion.visibility import Expected, expected, unseen_motions
+from calibration.diagnosis.conclusion.visibility import Expected, expected, shortest_periods, unseen_motions
 from calibration.diagnosis.conclusion.volume import Volume, volume
 from calibration.diagnosis.conclusion.worse_than_none import AsGiven, as_given
 from calibration.diagnosis.contract import where
@@ -219,7 +219,13 @@ class Diagnosis(Accepted, Shown):
     def not_visible(self) -> list[str]:
         """Names of error motions and causes that the data do not show."""
         hidden = [each.effect.name for each in self.expected if not each.visible]
-        return list(dict.fromkeys([*self.unseen_motions, *hidden]))
+        encoders = [f"sub-divisional error of the encoder of {axis}" for axis in self.shortest_periods]
+        return list(dict.fromkeys([*self.unseen_motions, *hidden, *encoders]))
+
+    @property
+    def shortest_periods(self) -> dict[str, float]:
+        """Of each linear axis whose encoder may have errors that are not sought: the shortest period that is, mm."""
+        return shortest_periods(self.measurement)
 
     @property
     def untested(self) -> list[tuple[str, str]]:

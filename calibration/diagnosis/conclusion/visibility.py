@@ -9,15 +9,19 @@ import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.verdict import CLEAR
+from calibration.diagnosis.waves import shortest_period
 from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.posterior import Posterior
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
+from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
 SEEN = 0.5
 """Share of a coefficient that the data determine, the prior the rest, below which they do not show it."""
+ENCODER_MM = 0.02
+"""Signal period of a linear encoder: glass scales have 4 to 40 um."""
 
 
 class Smallest(NamedTuple):
@@ -105,3 +109,10 @@ def unseen_motions(structure: Structure) -> Iterator[str]:
     for effect, low, high in zip(geometry.effects, ends, ends[1:], strict=False):
         if effect.OF_ISO_230 and seen[low:high].max() < SEEN:
             yield effect.name
+
+
+def shortest_periods(measurement: Measurement) -> dict[str, float]:
+    """Of each linear axis whose encoder may have errors that are not sought: the shortest period that is, mm."""
+    linear = [axis for axis in measurement.moving if axis[0] not in "ABC"]
+    periods = {axis: shortest_period(measurement, axis) for axis in linear}
+    return {axis: period for axis, period in periods.items() if period > ENCODER_MM}

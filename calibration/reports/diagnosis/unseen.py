@@ -12,6 +12,12 @@ from rendering.report import Section, Table
 OF_MOTIONS = "positions of its axis over the travel, seen in this direction"
 """Measurement that shows an error motion."""
 
+ENCODER = (
+    "positions in steps of a few um along {}, over some signal periods of its encoder: waves below {:.3g} mm are not "
+    "sought in these positions"
+)
+"""Measurement that shows errors of an encoder."""
+
 
 def unseen_sections(answer: Diagnosis) -> Iterator[Section]:
     """Causes that are not visible, not tested, and the smallest sizes of the others."""
@@ -20,8 +26,10 @@ def unseen_sections(answer: Diagnosis) -> Iterator[Section]:
         by_remedy[OF_MOTIONS] = answer.unseen_motions
     for each in answer.expected:
         if not each.visible:
-            names = by_remedy.setdefault(each.effect.SHOWN_BY, [])
+            names = by_remedy.setdefault(each.effect.shown_by(answer.measurement.state), [])
             names += [name for name in [words.in_full(each.effect.name)] if name not in names]
+    for axis, period in answer.shortest_periods.items():
+        by_remedy[ENCODER.format(axis, period)] = [f"sub-divisional error of the encoder of {axis}"]
     if by_remedy:
         text = "Of typical size, the following causes would not be clear in these data (NOT VISIBLE)."
         hidden = [(", ".join(names), remedy) for remedy, names in by_remedy.items()]

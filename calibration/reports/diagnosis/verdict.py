@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from calibration.diagnosis.conclusion.at_tool import AtTool, at_tool
 from calibration.diagnosis.conclusion.cause import Cause
 from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.diagnosis.conclusion.verdict import Judged
+from calibration.gaussian_terms.outliers import shifts
 from calibration.reports.causes import text as words
-from calibration.reports.fit import insignificant
+from calibration.reports.fit import insignificant, left_out_sentence
 from calibration.reports.machine_change import change_sentences
 from kinematics.files.number_text import amount, rounded
 from rendering.report import shortened
@@ -135,11 +138,10 @@ def _noise(answer: Diagnosis) -> Iterator[str]:
 
 
 def _left_out(answer: Diagnosis) -> Iterator[str]:
-    """Number and places of the rows that are left out."""
-    rows = answer.outliers
-    if rows:
-        places = "; ".join(shortened([answer.measurement.where(row) for row in rows], LISTED, "rows"))
-        yield (
-            f"LEFT OUT: {len(rows)} of {len(answer.measurement)} rows, which disagree with the others by more than "
-            f"noise allows: {places}."
-        )
+    """Number, size and places of the rows that are left out."""
+    rows, measurement = np.array(answer.outliers, int), answer.measurement
+    if len(rows):
+        residual_um = np.zeros(len(measurement))
+        apart, _ = shifts(answer.structure, rows)
+        residual_um[rows] = np.linalg.norm(apart * measurement.per_micro[rows], axis=1)
+        yield from left_out_sentence(measurement, rows, residual_um)
