@@ -17,6 +17,7 @@ import numpy as np
 
 from calibration.diagnosis.candidates import Candidates, Families
 from calibration.diagnosis.dictionary import Dictionary
+from calibration.diagnosis.followed import followed
 from calibration.diagnosis.named import named
 from calibration.diagnosis.nameless import nameless
 from calibration.diagnosis.prior_odds import with_prior_odds
@@ -46,11 +47,13 @@ RIVALS = 2
 REFINED = 6
 """Most times that a term is refined, each time about eight times as closely."""
 SMOOTHER = 0.1
-"""Share of their sizes at which finer error motions are begun beside a wave."""
+"""Share of their sizes at which finer error motions are begun beside a wave; at most their prior size."""
 PARTS = 3
 """Most terms into which one is split; one with fewer columns is not split."""
 SHORT = 12
 """Families among which the parts of a split are looked for."""
+FOLLOWED = 2
+"""Most times that errors are sought again where the axes were behind their commands."""
 STEPS = 12
 """Steps of the sizes after a move."""
 
@@ -72,8 +75,24 @@ class Move(NamedTuple):
 
 
 def search(observations: Observations, progress: Progress = silent) -> Found:
-    """The likeliest structure of observations, which are linearised again about the errors of the machine."""
+    """The likeliest structure of observations, which are linearised again about the errors of the machine.
+
+    Where axes are so far behind their commands that other errors change, these are sought again where the axes were.
+    """
     structure = linearised(Structure.first(Data.of(observations)).fitted())
+    commanded = structure.data.observations
+    found = _searched(structure, progress)
+    for _ in range(FOLLOWED):
+        again = followed(found.structure, commanded)
+        if again is None:
+            break
+        progress("axes behind their commands")
+        found = _searched(Structure.first(Data.of(again)).fitted(), progress)
+    return found
+
+
+def _searched(structure: Structure, progress: Progress) -> Found:
+    """The likeliest structure that a search from one without terms finds."""
     own = structure.data.observations
     dictionary = Dictionary(with_prior_odds([*named(own), *nameless(own)], own.priors))
     return Search(dictionary, progress).from_structure(structure)
@@ -193,7 +212,9 @@ class _Started(NamedTuple):
 
 def smoothed(structure: Structure) -> Structure:
     """The structure with smaller sizes of the error motions that may contain a wave."""
-    bands = np.where(structure.data.geometry.wavy, SMOOTHER, 1.0) * structure.band_sizes
+    geometry = structure.data.geometry
+    smoother = np.minimum(SMOOTHER * structure.band_sizes, geometry.first_sizes)
+    bands = np.where(geometry.wavy, smoother, structure.band_sizes)
     return structure.resized(np.concatenate([bands, structure.term_sizes]))
 
 
@@ -244,6 +265,9 @@ def _changes(candidates: Candidates) -> Iterator[Move]:
         for odds, rival in _likeliest(candidates, (number,), RIVALS, refine=True):
             if odds > max(own, PRESENT) + margin:
                 yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
+        for odds, rival in _periodic(candidates, (number,)):
+            if odds > max(own, PRESENT) + margin:
+                yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
         if term.width >= PARTS and term.named:
             parts, joint = _parts(candidates, number)
             if len(parts) > 1 and joint > own + margin + PRESENT * (len(parts) - 1):
@@ -259,10 +283,33 @@ def _merged(candidates: Candidates) -> Iterator[Move]:
         for other in range(one):
             joint = candidates.own(one) + candidates.own(other, (one,)) - PRESENT
             rest = tuple(term for number, term in enumerate(terms) if number not in (one, other))
-            for odds, rival in _likeliest(candidates, (one, other), 1, refine=True):
+            rivals = [*_likeliest(candidates, (one, other), 1, refine=True), *_periodic(candidates, (one, other))]
+            for odds, rival in rivals:
                 if odds > joint + RISE + ROUNDING * abs(joint):
                     name = f"merge {terms[one].name} and {terms[other].name} to {rival.name}"
                     yield Move(odds - joint, name, (*rest, rival))
+
+
+def _periodic(candidates: Candidates, without: Sequence[int]) -> Iterator[tuple[float, Term]]:
+    """Log odds and best member of the likeliest periodic error in the place of periodic errors of one axis.
+
+    They are sought in what would be left without these: what these leave has no period of theirs.
+    """
+    structure = candidates.structure
+    terms = [structure.terms[number] for number in without]
+    if len({term.where for term in terms}) > 1 or not all(map(_repeats, terms)):
+        return
+    proposed = [term for term in waves(structure, without) if term.where == terms[0].where]
+    if proposed:
+        odds = candidates.exact(proposed, without)
+        best = int(np.argmax(odds))
+        term, refined_odds = refined(candidates, proposed[best], float(odds[best]), without)
+        yield refined_odds, term
+
+
+def _repeats(term: Term) -> bool:
+    """True for a periodic error."""
+    return bool(term.effects) and all(effect.PERIODIC for effect in term.effects)
 
 
 def _likeliest(

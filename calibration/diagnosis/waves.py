@@ -55,14 +55,14 @@ OFFSETS, FINER_OFFSETS = 32, 5
 """Offsets of a sawtooth that are tried, over its pitch, and those between two neighbours at a time."""
 
 
-def waves(structure: Structure, without: int | None = None) -> list[Term]:
+def waves(structure: Structure, without: Collection[int] = ()) -> list[Term]:
     """Waves and sawteeth near the likeliest periods of each axis, with their prior odds.
 
-    They are sought in what the structure leaves, or would leave without the term of a number: these are in its place.
-    A family is shared by all proposals for one more wave of an axis; it is that of the term left out where this is a
-    wave of the axis.
+    They are sought in what the structure leaves, or would leave without the terms of some numbers: these are in their
+    place. A family is shared by all proposals for one more wave of an axis; it is that of a term left out where this is
+    a wave of the axis.
     """
-    known = {term.family for number, term in enumerate(structure.terms) if number != without}
+    known = {term.family for number, term in enumerate(structure.terms) if number not in without}
     left = _left(structure, without)
     scans = [Scan.of(structure, left, axis) for axis in structure.data.observations.measurement.moving]
     proposed = [term for scan in scans for term in (*scan.of_leads(), *scan.waves(), *scan.sawteeth())]
@@ -84,12 +84,12 @@ def beside_waves(structure: Structure) -> Array:
     return np.asarray(structure.equations.residual - structure.equations.times(mean))
 
 
-def _left(structure: Structure, without: int | None) -> Array:
-    """Whitened residual `(n d,)` of a structure without the term of a number; nothing else is fitted again."""
+def _left(structure: Structure, without: Collection[int]) -> Array:
+    """Whitened residual `(n d,)` of a structure without the terms of some numbers; nothing else is fitted again."""
     equations, mean = structure.equations, structure.posterior.mean.copy()
-    if without is not None:
-        first = len(structure.data.geometry.bands) + sum(term.width for term in structure.terms[:without])
-        mean[first : first + structure.terms[without].width] = 0.0
+    for number in without:
+        first = len(structure.data.geometry.bands) + sum(term.width for term in structure.terms[:number])
+        mean[first : first + structure.terms[number].width] = 0.0
     observations = structure.data.observations
     return np.asarray(equations.residual - equations.times(mean))[: observations.residual.size]
 

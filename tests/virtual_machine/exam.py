@@ -142,7 +142,7 @@ def volumetric(draw: Draw) -> tuple[bool, float, float]:
         folder = Path(name)
         answered = diagnose(draw, folder)
         found = findings(answered.diagnosis, answered.calibration)
-        finer = [e for e in found if e.get("kind") == "higher-frequency" and e.get("axis") == "X"]
+        finer = [e for e in found if e.get("kind") in ("higher-frequency", "cyclic") and e.get("axis") == "X"]
         assert answered.given is not None
         errors = [_error_of(draw, calibration, folder) for calibration in (answered.given, answered.new)]
     fine = float(np.hypot(*draw.setup.curves.coefficients["X"][0, 4:]))

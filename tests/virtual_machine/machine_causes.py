@@ -247,8 +247,8 @@ class Ripple(Cause):
         return of_axis(session, self.axis, axis.own, self.amplitude * micro(self.axis) * np.sin(phase))
 
     def answer(self) -> Answer:
-        """Named with its axis and component; its size is that of a function, which no parameter tells."""
-        return Answer(("higher-frequency",), (self.axis,), {"component": self.axis[0]})
+        """Named with its axis and component: a sine is a periodic error, or asks for a finer basis."""
+        return Answer(("higher-frequency", "cyclic"), (self.axis,), {"component": self.axis[0]})
 
 
 @dataclass(frozen=True)

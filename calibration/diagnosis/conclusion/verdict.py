@@ -221,7 +221,7 @@ def _waves(place: _Place, term: Term, own: float) -> Iterator[Rival]:
     if period is None or term.where is None:
         return
     moving = place.candidates.structure.data.observations.measurement.moving
-    proposed = waves(place.candidates.structure, place.number)
+    proposed = waves(place.candidates.structure, (place.number,))
     odds = place.odds(proposed)
     known = {term.family: [period]}
     for i in np.argsort(-odds).tolist():
