@@ -118,7 +118,7 @@ def turntable(tmp_path_factory):
 def test_residuals_of_a_rotary_axis_are_in_urad(turntable):
     fitted, found, page = turntable
     assert re.search(r"Residual [\d.]+ -> [\d.]+ urad RMS", fitted)
-    assert re.search(r"residual [\d.]+ -> [\d.]+ urad RMS, held-out cycles [\d.]+ -> [\d.]+ urad", found)
+    assert re.search(r"residual [\d.]+ -> [\d.]+ urad RMS, held-out blocks [\d.]+ -> [\d.]+ urad", found)
     for shown in (fitted, found):
         assert not re.search(r"residual[^.]*\d um\b", shown)
         assert "residual, um" not in shown
@@ -128,15 +128,11 @@ def test_residuals_of_a_rotary_axis_are_in_urad(turntable):
 
 def test_the_words_of_a_diagnosis_explain_themselves(turntable):
     _, found, page = turntable
-    shares, similar, residual = (
-        section(page, t) for t in ("Share by cause", "Similar causes", "Residual before and after")
-    )
-    assert "the shares need not sum up to 100" in " ".join(shares.split())
-    assert re.search(r"\d to 1", similar)
-    assert "1e" not in similar
-    assert "similarity of 1 is the same signal" in " ".join(similar.split())
+    causes, residual = (section(page, title) for title in ("Causes", "Residual before and after"))
+    assert re.search(r"\d to 1", causes)
+    assert "how many times likelier" in " ".join(causes.split())
+    assert "the largest difference between two states" in " ".join(causes.split())
     assert "expected of noise alone" in residual
-    assert "follows a part of the noise" in " ".join(residual.split())
     assert "Causes that this design can show" not in found
 
 

@@ -14,6 +14,7 @@ from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.cause import Alternative, Cause
 from calibration.diagnosis.conclusion.change import change_since, size_in
 from calibration.diagnosis.conclusion.design import Designed, designed
+from calibration.diagnosis.conclusion.fitted_rows import covariance
 from calibration.diagnosis.conclusion.functions import obstacle
 from calibration.diagnosis.conclusion.guard import HeldOut, held_out, in_units, rms_um
 from calibration.diagnosis.conclusion.mixture import (
@@ -135,12 +136,8 @@ class Diagnosis(Accepted, Shown):
     @property
     def noise_um(self) -> float:
         """RMS, um per scalar, that residuals of pure noise would have."""
-        observations, noise = self.structure.data.observations, self.structure.noise
-        squares = np.trace(noise.factor * observations.specified, axis1=1, axis2=2)
-        for stops in self.structure.data.stops:
-            for axis, size in noise.repeats.items():
-                arms = size * stops.arms[axis].reshape(*stops.rows.shape, -1)
-                squares[stops.rows] += np.sum(arms**2, axis=2)
+        observations = self.structure.data.observations
+        squares = np.trace(covariance(self.structure), axis1=1, axis2=2)
         micro = observations.measurement.per_micro[:, 0]
         return float(np.sqrt(np.mean(squares * micro**2) / observations.components))
 
