@@ -47,11 +47,6 @@ CASES = {
         (f"{POINTS} 1 -o a.csv",),
         f"diagnose a.csv {M} -c real.json --force -o cal.json",
     ),
-    "diagnose by terms": (
-        "diagnose_by_terms",
-        (f"{POINTS} 1 -o a.csv",),
-        f"diagnose a.csv {M} --force -o cal.json",
-    ),
     "continuous": ("continuous", (RUNS,), JOIN),
     "continuous into a calibration": ("continuous", (RUNS,), f"{JOIN} --add-to real.json"),
     "three-points": ("three_points", (), "three-points rounds.csv --machine dmu50 --degree XX=2 -o cal.json"),
