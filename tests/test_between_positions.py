@@ -14,7 +14,7 @@ from support.virtual_measurements import THREE, measured, positions, truth, writ
 
 import machines
 from calibration.fit.calibrate import calibrate
-from calibration.fit.curves.between_positions import as_table, with_curves_between
+from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.curves.line_shares import OF_SPHERES, line_shares
 from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
 from calibration.fit.fit import fit
@@ -183,15 +183,6 @@ def test_a_stated_basis_stays():
     assert not stated.between_positions
     assert [each.axis for each in automatic.between_positions] == ["X"]
     assert next(e for e in stated.model.effects if isinstance(e, ErrorMotion)).basis.size == 5
-
-
-def test_a_curve_is_refitted_as_a_table_of_its_positions():
-    x = np.linspace(0.0, 3000.0, 7)
-    measurement = runs(lambda q: 5.0 * np.sin(q / 300.0), x, np.random.default_rng(2))
-    curved = with_curves_between(fitted(measurement, {"X": BasisChoice("cubic", 5)}))[0].model.effects[0]
-    table = as_table(curved, measurement)
-    assert table.basis == BSpline(tuple(x.tolist()), 1)
-    assert as_table(table, measurement) is table
 
 
 @pytest.mark.statistical

@@ -306,7 +306,7 @@ def test_a_wave_is_proposed(effect, period):
     for _ in range(2):
         closer = list(found.finer())
         found = closer[int(np.argmax(candidates.exact(closer)))]
-    assert value_of(found) == pytest.approx(period, rel=0.002)
+    assert value_of(found) == pytest.approx(period, rel=0.005)
     assert candidates.exact([found])[0] > own - 1.0
     assert found.log_prior == closer[0].log_prior
 
