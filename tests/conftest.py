@@ -53,7 +53,7 @@ INTEGRATION_MODULES = {
     "test_siemens_mixed", "test_simulate", "test_six_degrees", "test_splitting", "test_standstill",
     "test_stored_programs", "test_strange_ground", "test_strategies", "test_study", "test_suspects",
     "test_swivel_to_zero", "test_tables", "test_tables_golden", "test_tables_nodes", "test_tables_siemens",
-    "test_tables_waves", "test_terms_answer", "test_three_dialects", "test_three_points", "test_tool_vectors", "test_tracker_tests",
+    "test_tables_waves", "test_diagnosis_answer", "test_three_dialects", "test_three_points", "test_tool_vectors", "test_tracker_tests",
     "test_turned_frames", "test_turns_of_arcs", "test_unnamed", "test_virtual_machine", "test_whiteness",
 }  # fmt: skip
 """So is every test of these modules: whole commands, processes, corrections, fits, diagnoses, plans and tables."""

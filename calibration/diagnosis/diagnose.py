@@ -1,4 +1,4 @@
-"""A diagnosis by terms, from a measurement to its answer."""
+"""A diagnosis, from a measurement to its answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to measure next, by the engine of terms: designs that answer what the data leave open, and no others."""
+"""What to measure next: designs that answer what the data leave open, and no others."""
 
 from __future__ import annotations
 

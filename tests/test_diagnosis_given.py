@@ -1,4 +1,4 @@
-"""The engine of terms against a calibration: it is confirmed, or changes of the machine are named with their sizes."""
+"""A calibration that is given: it is confirmed, or changes of the machine are named with their sizes."""
 
 import json
 from functools import cache
@@ -51,8 +51,8 @@ def by_fit() -> ErrorModel:
 
 
 @cache
-def by_terms() -> ErrorModel:
-    """The calibration of the engine of terms."""
+def by_diagnosis() -> ErrorModel:
+    """The calibration of a diagnosis."""
     return diagnose(data_of(CFRAME, 1, 150)).calibration
 
 
@@ -71,7 +71,7 @@ def left(machine, model: ErrorModel, *more: Effect) -> float:
     return float(np.sqrt(np.mean((true - told) ** 2)))
 
 
-@pytest.mark.parametrize("given", [by_fit, by_terms], ids=["by fit", "by terms"])
+@pytest.mark.parametrize("given", [by_fit, by_diagnosis], ids=["by fit", "by diagnosis"])
 def test_the_same_machine_confirms_its_calibration_and_makes_it_surer(given):
     found = diagnose(data_of(CFRAME, 2, 120), given())
     assert found.confirmed
@@ -86,18 +86,18 @@ def test_the_same_machine_confirms_its_calibration_and_makes_it_surer(given):
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_change_is_named_with_its_size(change):
     hidden = CHANGES[change]
-    found = diagnose(data_of(CFRAME, 2, 120, *hidden), by_terms())
+    found = diagnose(data_of(CFRAME, 2, 120, *hidden), by_diagnosis())
     assert not found.confirmed
     assert sizes(found) == {effect.name: pytest.approx(effect.parameters[0], rel=0.25) for effect in hidden}
     # the change is part of the new calibration, which is the better one
-    assert left(CFRAME, found.calibration, *hidden) < 0.8 * left(CFRAME, by_terms(), *hidden)
+    assert left(CFRAME, found.calibration, *hidden) < 0.8 * left(CFRAME, by_diagnosis(), *hidden)
     names = [effect.name for effect in found.calibration.effects]
     assert len(names) == len(set(names))
 
 
 @pytest.mark.parametrize("change", [LocationError("C", "Y", 80.0), Scale("Y", 60.0)], ids=lambda each: each.name)
 def test_a_changed_line_has_its_size_within_its_uncertainty(change):
-    found = diagnose(data_of(CFRAME, 2, 120, change), by_terms()).machine_change
+    found = diagnose(data_of(CFRAME, 2, 120, change), by_diagnosis()).machine_change
     assert found is not None
     assert found.significant
     (line,) = found.changed
@@ -112,12 +112,12 @@ def test_without_a_calibration_nothing_has_changed():
 
 def test_a_guide_that_bends_since_the_calibration():
     bent = ErrorMotion("X", "Z", Legendre(Z, 3), (0.0, 0.0, 15.0, 10.0))
-    found = diagnose(data_of(CFRAME, 2, 120, bent), by_terms())
+    found = diagnose(data_of(CFRAME, 2, 120, bent), by_diagnosis())
     (cause,) = found.causes
     assert (cause.kind, cause.effect.name) == ("error-motion", "E_XZ")
     assert found.machine_change is not None
     assert found.machine_change.significant
-    assert left(CFRAME, found.calibration, bent) < 0.7 * left(CFRAME, by_terms(), bent)
+    assert left(CFRAME, found.calibration, bent) < 0.7 * left(CFRAME, by_diagnosis(), bent)
 
 
 def test_a_backlash_of_the_calibration_that_has_grown():

@@ -1,4 +1,4 @@
-"""The page and the document of a diagnosis by terms: what is wrong, what to do, the evidence, and what is not known."""
+"""The page and the document of a diagnosis: what is wrong, what to do, the evidence, and what is not known."""
 
 import json
 import re
