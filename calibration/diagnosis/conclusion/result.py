@@ -25,7 +25,7 @@ from calibration.diagnosis.conclusion.mixture import (
     averaged,
     likely_structures,
 )
-from calibration.diagnosis.conclusion.next_stop import with_next_stop
+from calibration.diagnosis.conclusion.next_stop import of_next_stop, with_next_stop
 from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, judged
 from calibration.diagnosis.conclusion.visibility import Expected, expected, shortest_periods, unseen_motions
 from calibration.diagnosis.conclusion.volume import Volume, volume
@@ -290,7 +290,7 @@ class Diagnosis(Accepted, Shown):
         prior, own = np.ones(len(found.values)), prior_sizes(self.structure)
         prior[: len(own)] = own
         model = machine_model(self.measurement, found.effects, found.values, found.covariance, prior, self.given)
-        model = with_next_stop(model, self.not_repeating)
+        model = with_next_stop(model, of_next_stop(self.structure, self.not_repeating))
         effects = tuple(effect.lasting() for effect in model.effects)
         names = [f"{cause.kind} {where(cause.effect) or ''}".strip() for cause in self.causes if _of_machine(cause)]
         added = f"; added: {', '.join(names)}" if names else ""
