@@ -18,9 +18,11 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import duplicates
 from calibration.plausibility.finding import Finding
 from kinematics.error_model.model import ErrorModel
-from kinematics.running.progress import Progress, silent
+from kinematics.running.progress import Progress, numbered, silent
 from kinematics.user_error import UserError
 
+STEPS = 3
+"""Steps of a diagnosis: the data, the search, the conclusions."""
 LEAST = 3
 """Parameters of an error motion that rows must be able to determine: a constant, a slope and a bow."""
 
@@ -39,7 +41,8 @@ def diagnose(
     functions without a name too, as far as it can. UserError where the measurement is not plausible, or has too few
     rows.
     """
-    progress("checking the data")
+    checking, searching, concluding = (numbered(progress, number, STEPS) for number in range(1, STEPS + 1))
+    checking("checking the data")
     measurement, findings, _ = checked_data(measurement, misplaced=False)
     measurement = measurement.rows(np.flatnonzero(~duplicates(measurement)))
     given = None
@@ -49,10 +52,11 @@ def diagnose(
     observations = Observations.of(measurement, given=given)
     if given is None:
         _refuse_few(observations)
-    found = search(observations, progress)
+    searching("error motions and noise")
+    found = search(observations, searching)
     if chain := other_order(found.structure):
         findings = [*findings, Finding("chain", chain, False)]
-    progress("verdicts and calibration")
+    concluding("verdicts and calibration")
     return answered(found.candidates, findings, force=force, add_unexplained=add_unexplained)
 
 
