@@ -11,6 +11,7 @@ from calibration.diagnosis.conclusion.result import Diagnosis, answered
 from calibration.diagnosis.search import search
 from calibration.fit.acceptance import SPARE, information
 from calibration.fit.set_up.checked_data import checked_data
+from calibration.fit.set_up.moved_spheres import moved_findings
 from calibration.gaussian_terms.geometry import motions
 from calibration.gaussian_terms.given.larger_range import extended, larger_ranges
 from calibration.gaussian_terms.observations import Observations
@@ -21,6 +22,8 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, numbered, silent
 from kinematics.user_error import UserError
 
+KNOCK = "station-shift"
+"""Kind of a cause that tells that a sphere, or an instrument, was moved."""
 STEPS = 3
 """Steps of a diagnosis: the data, the search, the conclusions."""
 LEAST = 3
@@ -56,6 +59,8 @@ def diagnose(
     found = search(observations, searching)
     if chain := other_order(found.structure):
         findings = [*findings, Finding("chain", chain, False)]
+    if all(term.kind != KNOCK for term in found.structure.terms):
+        findings = [*findings, *moved_findings(measurement, force=force)]
     concluding("verdicts and calibration")
     return answered(found.candidates, findings, force=force, add_unexplained=add_unexplained)
 

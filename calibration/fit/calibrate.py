@@ -30,7 +30,7 @@ from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.bases_and_noise import Wanted
 from calibration.fit.set_up.distances import distance_findings
 from calibration.fit.set_up.drift import Drift, with_bases_noise_and_drift
-from calibration.fit.set_up.moved_spheres import moved_spheres
+from calibration.fit.set_up.moved_spheres import moved_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
@@ -189,10 +189,7 @@ def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], li
     UserError for data that cannot be used, and for a sphere that moved, without `force`.
     """
     findings = usable(measurement)
-    moved = moved_spheres(measurement)
-    if moved and not force:
-        raise UserError(f"{measurement.source}: {moved}; --force fits the rows as they are")
-    findings += [Finding("spheres", moved, False)] if moved else []
+    findings += moved_findings(measurement, force=force)
     positions = target_positions(measurement)
     return [*findings, *target_findings(measurement, positions)], positions
 

@@ -14,9 +14,11 @@ import numpy as np
 from calibration.fit.bases.selection import coarse_fit
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
+from calibration.plausibility.finding import Finding
 from calibration.plausibility.spheres import moment
 from kinematics.effects import Component, ThermalDrift
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 DIRECTIONS: tuple[Component, ...] = ("X", "Y", "Z")
 LEAST = 2
@@ -38,6 +40,14 @@ class _Step(NamedTuple):
 
     spheres: tuple[str, ...]
     first: int
+
+
+def moved_findings(measurement: Measurement, *, force: bool) -> list[Finding]:
+    """The finding that a sphere moved; UserError without `force`."""
+    moved = moved_spheres(measurement)
+    if moved and not force:
+        raise UserError(f"{measurement.source}: {moved}; --force fits the rows as they are")
+    return [Finding("spheres", moved, False)] if moved else []
 
 
 def moved_spheres(measurement: Measurement) -> str:
