@@ -51,13 +51,6 @@ def pivoted(observations: Observations, effect: Effect) -> Term:
     return _term(observations, middle, f"{effect.name} about any {axis}", (middle, end), mixed)
 
 
-def shifted(observations: Observations, effect: Effect) -> Term:
-    """The term of the shift of an effect, without its turn: a column for each direction."""
-    return _term(
-        observations, effect, f"{effect.name} without a turn", (effect,), np.diag(_typical(effect))[:, : effect.SHIFTS]
-    )
-
-
 def _typical(effect: Effect) -> Array:
     """Typical sizes of the linear parameters."""
     return np.array([size for size, linear in zip(effect.typical, effect.linear, strict=True) if linear])

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.forms import Form, motion_changes, pivoted, plain, reversals, shifted
+from calibration.diagnosis.forms import Form, motion_changes, pivoted, plain, reversals
 from calibration.diagnosis.library.causes import angle_steps, causes, given, jumps
 from calibration.diagnosis.library.changes import changes
 from calibration.gaussian_terms.observations import Observations
@@ -80,7 +80,7 @@ def _possible(observations: Observations) -> list[Effect]:
 
 
 def _forms(effect: Effect) -> list[Form]:
-    return [plain, *[pivoted] * effect.has_fixed_point, *[shifted] * bool(effect.SHIFTS)]
+    return [plain, pivoted] if effect.has_fixed_point else [plain]
 
 
 def shape_of(effect: Effect) -> Parameter | None:

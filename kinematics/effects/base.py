@@ -93,8 +93,6 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """The same for a rotary axis or the joint of an arm, which have no screw, nut or guide; None where it is equal."""
     DIAGNOSED_AS: ClassVar[str] = ""
     """Its kind in a diagnosis; empty where it is the kind in other files."""
-    SHIFTS: ClassVar[int] = 0
-    """Number of its first parameters that are a shift, which is there without the others, a turn, as well."""
     ALONG_OWN_AXIS: ClassVar[str] = ""
     """Kind of the cause of which it is a form where it acts along its own axis; empty for none."""
     RARE: ClassVar[bool] = False

@@ -215,8 +215,6 @@ class OfInstrument(EffectBase, frozen=True):
 class AtStation(OfInstrument, frozen=True):
     """The pose of the instrument: three shifts, um, and three turns about its origin, urad."""
 
-    SHIFTS = 3
-
     def at_place(self, machine: Machine, state: State, course: Array) -> Iterator[Columns]:  # noqa: ARG002
         """See `Course.at_place`; observations move in the opposite direction."""
         points = state.need("observed", self.name)
