@@ -135,7 +135,7 @@ SCENARIOS = (
     _tracker("backlash in a sweep", "backlash:axis=Z,width=20", SWEPT, ties={"backlash Z": "settling Z"}),
     _tracker("squareness, tracker", "location:component=C,axis=Y,value=60", causes={"location Y": {"value_urad": 60}}, before="truth", heavy=False),
     _tracker("drift of the tool", "thermal-drift:component=Z,rate=30", WITH_REFERENCE, ties={"thermal-drift Z": "thermal-scale Z about any Z"}),
-    _tracker("drift of the tool or of the tracker", "thermal-drift:component=Z,rate=200", SWEPT, ties={"thermal-drift Z": "tracker-drift"}),
+    _tracker("drift of the tool or of the tracker", "thermal-drift:component=Z,rate=200", SWEPT, ties={"thermal-drift Z": "thermal-scale Z about any Z"}, notes=("tracker-drift",)),
     _tracker("drift with a temperature", "thermal-drift-sensor:component=Z,sensor=spindle,coefficient=6", SCATTERED_TWICE, conditions="--temperature spindle=20:27", ties={"thermal-drift Z": "thermal-scale-sensor Z spindle about any Z"}),
     _tracker("drift of the tracker", "tracker-drift:shift_um_per_h=[20,-15,10],turn_urad_per_h=[0,0,0]", WITH_REFERENCE, causes={"tracker-drift": {}}),
     _tracker("station shift", "station-shift:station=s1,since_s=700,shift_um=[15,-10,12],turn_urad=[25,-30,20]", SCATTERED_TWICE, causes={"station-shift s1": {}}),
