@@ -24,7 +24,6 @@ TESTS_OF_CLASSES = {
     "calibration/observation/mean_lines.py": 3,
     "calibration/observation/products.py": 1,
     # facts that are not on the classes yet
-    # the search
     "calibration/gaussian_terms/given/larger_range.py": 1,
 }
 """Number of tests by file. Add none: put a fact on the class, as those of `kinematics/effects/base.py`."""
