@@ -120,7 +120,7 @@ SCENARIOS = (
     _laser("steps", "quantised-compensation:axis=X,step=8,pitch=62,offset=20", FINE_ALONG_X, notes=("quantised-compensation X", "62.04")),
     _laser("growth with time", "thermal-scale:axis=X,rate=60", causes={"thermal-scale X": {"rate_um_per_m_per_h": 60}}),
     _laser("growth with a temperature", "thermal-scale-sensor:axis=X,sensor=scale,coefficient=11", conditions="--temperature scale=20:26", causes={"thermal-scale X": {"coefficient_um_per_m_per_k": 11}}),
-    _laser("settling", "settling:axis=X,share_ppm=60", FINE_ALONG_X, ties={"backlash X": "settling X"}),
+    _laser("settling", "settling:axis=X,share_ppm=60", FINE_ALONG_X, ties={"settling X": "backlash X"}),
     _laser("scale since the calibration", "scale:axis=X,scale=40", causes={"scale X": {"scale_um_per_m": 40}}, before="truth"),
     _laser("zero of an axis", "location-jump:component=X,axis=X,value=20,since_s=900", causes={"location-jump X": {"value_um": 20}}),
     Scenario("backlash and cyclic", "cframe", LASER, FINE_ALONG_X, ("backlash:axis=X,width=6", "cyclic:component=X,axis=X,period=40,sine=[4],cosine=[3]"), causes={"backlash X": {"width_um": 6}, "cyclic X": {"period_mm": 40}}),
