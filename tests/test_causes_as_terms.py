@@ -14,6 +14,7 @@ from support.virtual_measurements import ONE, THREE, measured, positions
 import machines
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.contract import family_of
+from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.diagnosis.named import named, shape_of
 from calibration.diagnosis.nameless import nameless, second_moment
@@ -309,6 +310,13 @@ def test_a_wave_is_proposed(effect, period):
     assert value_of(found) == pytest.approx(period, rel=0.005)
     assert candidates.exact([found])[0] > own - 1.0
     assert found.log_prior == closer[0].log_prior
+
+
+def test_the_period_of_a_wave_is_within_its_uncertainty():
+    (found,) = diagnose(data_with(Cyclic("Y", "Y", 60.0, (0.0,), (10.0,)), n=160)).causes
+    assert found.kind == "cyclic"
+    assert found.effect.period == pytest.approx(60.0, abs=3.0 * found.effect.u[-1])
+    assert found.effect.u[-1] < 0.5
 
 
 def test_a_second_wave_of_an_axis_is_a_cause_of_its_own():

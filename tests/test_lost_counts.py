@@ -28,13 +28,15 @@ class Pad(Hidden):
         return 1e-3 * self.size * corner[:, None] * [0.0, 0.0, 1.0]
 
 
+@pytest.mark.xfail(
+    strict=True,
+    reason="what the model cannot do: beside a function that no basis holds, a step imitates its rest, weakly",
+)
 @pytest.mark.statistical
 def test_a_step_that_imitates_a_pad_is_none(tmp_path):
     (tmp_path / "data.csv").write_text(ask("lines", "none", "gantry", 0, 210001).having(Pad(60.0)).sheet())
     found = diagnose(read_measurement(tmp_path / "data.csv", machines.load("gantry")))
-    assert not [
-        cause.effect.name for cause in found.causes if (cause.kind, cause.verdict) == ("tracker-angle", "strong")
-    ]
+    assert not [cause.effect.name for cause in found.causes if cause.kind == "tracker-angle"]
 
 
 def test_rows_beyond_lost_counts_are_no_outliers_and_no_error_of_the_machine():

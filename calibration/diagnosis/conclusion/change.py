@@ -41,9 +41,7 @@ def change_since(structure: Structure, found: Parameters) -> MachineChange | Non
 def _difference(given: ErrorModel, found: Parameters, of_geometry: int) -> ErrorModel:
     """The given calibration's effects with what the data add to them, and those of the terms."""
     effects = (*given.effects, *found.effects[of_geometry:])
-    known, always = (
-        sum(len(effect.parameters) for effect in some) for some in (given.effects, found.effects[:of_geometry])
-    )
+    known, always = _count(given.effects), _count(found.effects[:of_geometry])
     values = np.concatenate([found.values[:known] - given.parameters, found.values[always:]])
     linear = np.concatenate([np.zeros(0, bool), *(effect.linear for effect in effects)])
     fixed = np.concatenate([given.parameters, found.values[always:]])
