@@ -17,7 +17,7 @@ RENEW = "python -m tests.golden --renew {} stores the present answer."
 def test_the_answer_is_the_stored_one(run: Run) -> None:
     if absent := missing(run):
         pytest.skip(f"real data are not beside this repository: {absent[0]}")
-    difference = differences(stored(run).read_text(encoding="utf-8"), answer(run))
+    difference = differences(stored(run).read_text(encoding="utf-8"), answer(run), run.rounding)
     assert not difference, f"{run.name}\n{difference}\n{RENEW.format(run.name)}"
 
 

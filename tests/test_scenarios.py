@@ -98,3 +98,10 @@ def test_ties_and_notes_are_said(scenario: Scenario, said: dict[str, Any]) -> No
     assert {name: other for name, other in scenario.ties.items() if other not in alternatives(said, name)} == {}
     everything = json.dumps(said, ensure_ascii=False)
     assert [note for note in scenario.notes if note not in everything] == []
+
+
+@each()
+def test_a_cause_that_the_data_do_not_show_has_no_size_from_which_they_show_it(
+    scenario: Scenario, said: dict[str, Any]
+) -> None:
+    assert not {one["name"] for one in said["would_show_from"]} & set(said["not_visible"])

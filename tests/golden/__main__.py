@@ -24,7 +24,7 @@ def main() -> int:
             continue
         file, now = stored(run), answer(run)
         before = file.read_text(encoding="utf-8") if file.is_file() else ""
-        if difference := differences(before, now):
+        if difference := differences(before, now, run.rounding):
             differing += 1
             print(
                 f"{run.name}\n{difference}" if before else f"{run.name}: new, {len(now.splitlines())} lines", flush=True

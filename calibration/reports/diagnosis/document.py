@@ -64,7 +64,7 @@ def _further(answer: Diagnosis) -> dict[str, Any]:
         "by_direction_um": {"before": by_direction(answer.bare), "after": by_direction(structure)},
         "volume_um": answer.volume._asdict(),
         "visibility": {each.effect.name: each.log_odds / math.log(10.0) for each in answer.expected},
-        "would_show_from": [each.smallest._asdict() for each in answer.expected if each.smallest],
+        "would_show_from": [each.smallest._asdict() for each in answer.expected if each.visible and each.smallest],
         "not_tested": [{"name": name, "lacks": lacks} for name, lacks in answer.untested],
         "outliers": [answer.measurement.where(row) for row in answer.outliers],
         "machine_change": machine_change_json(answer.machine_change),
