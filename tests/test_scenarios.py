@@ -100,8 +100,7 @@ def test_ties_and_notes_are_said(scenario: Scenario, said: dict[str, Any]) -> No
     assert [note for note in scenario.notes if note not in everything] == []
 
 
+@pytest.mark.usefixtures("scenario")
 @each()
-def test_a_cause_that_the_data_do_not_show_has_no_size_from_which_they_show_it(
-    scenario: Scenario, said: dict[str, Any]
-) -> None:
+def test_a_cause_that_the_data_do_not_show_has_no_size_from_which_they_show_it(said: dict[str, Any]) -> None:
     assert not {one["name"] for one in said["would_show_from"]} & set(said["not_visible"])

@@ -97,7 +97,12 @@ def _smallest(term: Term, ratios: Array, prior: float) -> Smallest | None:
 
 
 def unseen_motions(structure: Structure) -> Iterator[str]:
-    """Names of the error motions of which the data show nothing, were they of their expected size."""
+    """Names of the error motions of which the data show nothing, were they of their expected size.
+
+    Those of a given calibration are known by it: whether the data show a change of them is a question of a cause.
+    """
+    given = structure.data.observations.given
+    known_before = 0 if given is None else len(given.effects)
     geometry, equations = structure.data.geometry, structure.equations
     count = geometry.width
     expected = structure.sizes.copy()
@@ -106,7 +111,7 @@ def unseen_motions(structure: Structure) -> Iterator[str]:
     squares = (geometry.parameters * expected[:count]) ** 2
     seen = (squares @ known) / np.maximum(squares.sum(axis=1), np.finfo(float).tiny)
     ends = np.cumsum([0, *(len(effect.parameters) for effect in geometry.effects)])
-    for effect, low, high in zip(geometry.effects, ends, ends[1:], strict=False):
+    for effect, low, high in list(zip(geometry.effects, ends, ends[1:], strict=False))[known_before:]:
         if effect.OF_ISO_230 and seen[low:high].max() < SEEN:
             yield effect.name
 
