@@ -18,7 +18,7 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-DIALECTS = ("iso", "fanuc", "heidenhain")
+DIALECTS = ("iso", "fanuc", "heidenhain", "siemens")
 TargetChange = Literal["M0", "M1"]
 
 
@@ -125,8 +125,8 @@ def path_program(machine: Machine, corners: Array, settings: ProgramSettings, di
 def assumptions(dialect: str, settings: ProgramSettings) -> list[str]:
     """Conditions that the program assumes of the control."""
     if settings.offset is None:
-        code = "M91" if dialect == "heidenhain" else "G53 ON EVERY BLOCK"
-        return [f"POSITIONS ARE MACHINE COORDINATES: {code}", "NCOMP DOES NOT CORRECT SUCH MOVES"]
+        code = {"heidenhain": "M91", "siemens": "SUPA"}.get(dialect, "G53")
+        return [f"POSITIONS ARE MACHINE COORDINATES: {code} ON EVERY BLOCK", "NCOMP DOES NOT CORRECT SUCH MOVES"]
     name, values = settings.offset
     numbers = " ".join(f"{axis}{value:g}" for axis, value in values.items()) or "0"
     which = f"PRESET {name}" if name.isdigit() else name
@@ -164,6 +164,8 @@ def program_format(machine: Machine, settings: ProgramSettings, dialect: str) ->
         )
     if dialect == "heidenhain":
         return _Klartext(settings)
+    if dialect == "siemens":
+        return _Siemens(settings)
     if dialect not in DIALECTS:
         raise UserError(f"--dialect {dialect}: expected one of {', '.join(DIALECTS)}")
     if dialect == "fanuc" and settings.offset is None:
@@ -183,7 +185,10 @@ class _Iso:
     """P counts in s on LinuxCNC and in ms on Fanuc, where X counts in s."""
 
     def head(self, remarks: Sequence[str]) -> list[str]:
+        """The lines before the first move; UserError for a work offset that is no G code."""
         offset = [self.settings.offset[0]] if self.settings.offset else []
+        if offset and not re.fullmatch(r"G5[4-9](\.\d)?(P\d+)?|G154P\d+", offset[0]):
+            raise UserError(f"--work-offset {offset[0]}=...: this control has work offsets by G code, e.g. G54=x,y,z")
         return ["%", *(f"({plain(text)})" for text in remarks), "G21 G17 G90 G94", "G40 G49 G80", *offset, "M5"]
 
     def move(self, words: Mapping[str, float], remark: str) -> str:
@@ -201,6 +206,38 @@ class _Iso:
 
     def end(self) -> list[str]:
         return ["M30", "%"]
+
+
+@dataclass
+class _Siemens:
+    """Siemens 840D: SUPA suppresses all frames for its block, and D0 the tool length."""
+
+    settings: ProgramSettings
+
+    def head(self, remarks: Sequence[str]) -> list[str]:
+        """The lines before the first move; UserError for a work offset that this control does not have."""
+        start = [*(f"; {plain(text)}" for text in remarks), "G71 G17 G90 G94", "G40 TRAFOOF D0"]
+        if self.settings.offset:
+            name = self.settings.offset[0]
+            if not re.fullmatch(r"G5(4|5|6|7|0[5-9]|[1-9]\d)", name):
+                raise UserError(f"--work-offset {name}=...: a Siemens control has G54 to G57 and G505 to G599")
+            start.append(name)
+        return [*start, "M5"]
+
+    def move(self, words: Mapping[str, float], remark: str) -> str:
+        frame = "" if self.settings.offset else "SUPA "
+        targets = " ".join(f"{name}{value:.4f}" for name, value in words.items())
+        code, feed = ("G0", "") if self.settings.rapid else ("G1", f" F{self.settings.feed:g}")
+        return f"{frame}{code} {targets}{feed}" + (f" ; {plain(remark)}" if remark else "")
+
+    def dwell(self) -> list[str]:
+        return [f"G4 F{self.settings.dwell_s:g}"]
+
+    def stop(self, code: str, remark: str) -> list[str]:
+        return [f"; {plain(remark)}", code]
+
+    def end(self) -> list[str]:
+        return ["M30"]
 
 
 @dataclass

@@ -17,6 +17,8 @@ FOUND = {
     # the text outside of them is evidence
     "; text\nN10 G0 X1\nN20 X=R1 ; (a;b)\n": ("siemens", "because of line 3: 'N20 X=R1 ; (a;b)'"),
     'MSG("a; (b #1=2")\n': ("siemens", "because of line 1"),
+    "G40 TRAFOOF D0\nG0 X1\n": ("siemens", "because of line 1: 'G40 TRAFOOF D0'"),
+    "(SUPA)\nG0 X1\nSUPA G1 X2.\n": ("siemens", "because of line 3: 'SUPA G1 X2.'"),
     "G0 X1\nGOTOF END1\n": ("siemens", "because of line 2: 'GOTOF END1'"),
     ";$PATH=/_N_WKS_DIR\nG0 X1\n": ("siemens", "because of line 1"),
     "; comment\n0 BEGIN PGM A MM\n1 L X+5 FMAX\n": ("heidenhain", "because of line 2: '0 BEGIN PGM A MM'"),

@@ -365,8 +365,12 @@ def test_programs_that_can_not_be():
         program_of(made, ProgramSettings(), "fanuc")
     with pytest.raises(UserError, match="presets by number"):
         program_of(made, ProgramSettings(offset=OFFSET), "heidenhain")
+    with pytest.raises(UserError, match="G54 to G57 and G505 to G599"):
+        program_of(made, ProgramSettings(offset=("G58", {})), "siemens")
+    with pytest.raises(UserError, match="work offsets by G code"):
+        program_of(made, ProgramSettings(offset=("1", {})), "iso")
     with pytest.raises(UserError, match="expected one of iso"):
-        program_of(made, ProgramSettings(), "siemens")
+        program_of(made, ProgramSettings(), "okuma")
     toml = Path(machines.__file__).with_name("gantry.toml").read_text()
     twin = machines.parse(
         toml.replace("X Y Z", "X2 Y Z").replace("axes.X", "axes.X2").replace("{ X =", "{ X2 ="), "twin"

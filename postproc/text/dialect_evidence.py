@@ -13,7 +13,7 @@ _LONGEST = 60
 _HEIDENHAIN = re.compile(r"^\s*\d*\s*(BEGIN PGM|BLK FORM|TOOL CALL|CYCL DEF|L\s+[XYZABCM]|LN\s)", re.IGNORECASE)
 _SIEMENS = re.compile(
     r"%_N_|;\$PATH|^\s*(N\d+\s*)?(R\d+\s*=|DEF\s|PROC\s|EXTERN\s|TRAORI|[A]?TRANS\b|[A]?ROT\b|MCALL|CYCLE\d+|MSG\s*\()"
-    r"|[XYZIJKABC]\w*\s*=\s*\S|\b(CR|AR|SPOS)\s*=|\b[A-Z_]\w+\s*=\s*\S"
+    r"|[XYZIJKABC]\w*\s*=\s*\S|\b(CR|AR|SPOS)\s*=|\b[A-Z_]\w+\s*=\s*\S|\b(SUPA|TRAFOOF|TRAORI)\b"
     r"|^\s*(IF|WHILE|FOR|GOTO[FB]|GOTO(?!\s*\d)|LOOP|REPEAT|CASE)\b[^\[]*$",
     re.IGNORECASE,
 )

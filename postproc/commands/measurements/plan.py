@@ -101,8 +101,8 @@ class ProgramOptions:
         "File for the NC program of the measurement; `-` is standard output.", "PLAN.nc", writes="file"
     )
     dialect: Literal["iso", "linuxcnc", "fanuc", "heidenhain", "siemens"] | None = option(
-        "Dialect of the program; iso is that of LinuxCNC (G53, G4 P in s), siemens is for a touch probe. Default: the "
-        "family of the machine file's control, or iso."
+        "Dialect of the program; iso is that of LinuxCNC (G53, G4 P in s). Default: the family of the machine file's "
+        "control, or iso."
     )
     work_offset: str | None = option(
         "Work offset of the program, mm, so that ncomp can correct it. Default: machine coordinates, which ncomp does "
