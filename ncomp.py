@@ -30,6 +30,7 @@ from kinematics.running.below_one_name import BelowOneName
 from kinematics.running.caller import public
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
+from postproc.interface.codes import codes
 from postproc.interface.folders import batch, job, watch
 from postproc.interface.programs import Corrected, check, conditions, correct, open_program, set_up, set_up_of, verify
 from postproc.interface.tables import export, export_parameters, import_tables
@@ -80,6 +81,7 @@ __all__ = [
     "ballbar",
     "batch",
     "check",
+    "codes",
     "compare",
     "conditions",
     "continuous",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 from support.docs_make import MAKE, script
 
+from postproc.code_tables.entries import ENTRIES, ONLY_DEFINED
+from postproc.code_tables.trials import CALLS, families_of, refusal
 from postproc.control import codes as shared
 from postproc.heidenhain import codes as heidenhain
 from postproc.iso import codes as iso
@@ -15,7 +15,7 @@ from postproc.siemens import codes as siemens
 controls = script(MAKE / "controls.py")
 
 REFUSED = [
-    *(("iso", f"G{code:g}", reason) for code, reason in iso.REFUSED_G.items() if code not in controls.CALLS),
+    *(("iso", f"G{code:g}", reason) for code, reason in iso.REFUSED_G.items() if f"G{code:g}" not in CALLS),
     *(("iso", f"M{code:g}", reason) for code, reason in iso.REFUSED_M.items() if code not in (98.0, 99.0)),
     *(("siemens", f"G{code:g}", reason) for code, reason in siemens.REFUSED_G.items()),
     *(
@@ -39,29 +39,34 @@ PASSING = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", controls.PAGES)
+@pytest.mark.parametrize("name", ENTRIES)
 def test_pages_are_of_the_present_tables(name: str) -> None:
-    page: Callable[[], list[str]] = controls.PAGES[name]
     text = (controls.FOLDER / f"{name}.md").read_text()
-    assert text == controls.written(page()), "python docs/make/controls.py renews the page"
+    assert text == controls.written(controls.page(name)), "python docs/make/controls.py renews the page"
 
 
 def test_refused_codes_are_refused_for_their_reason() -> None:
     wrong = []
     for dialect, block, reason in REFUSED:
-        if (found := controls.refusal(dialect, block)) == "" or reason not in found:
+        if (found := refusal(dialect, block)) == "" or reason not in found:
             wrong.append((dialect, block, found))
     assert wrong == []
 
 
 def test_passing_codes_pass() -> None:
-    assert [(*each, found) for each in PASSING if (found := controls.refusal(*each))] == []
+    assert [(*each, found) for each in PASSING if (found := refusal(*each))] == []
 
 
 @pytest.mark.parametrize("block", ["G999", "G27.5", "G20.1", "G200"])
 def test_other_iso_codes_are_not_known(block: str) -> None:
-    assert "is not known" in controls.refusal("iso", block)
+    assert "is not known" in refusal("iso", block)
 
 
 def test_every_followed_iso_code_is_accepted_with_some_family() -> None:
-    assert "| refused |" not in (controls.FOLDER / "iso.md").read_text()
+    assert [entry.code for entry in ENTRIES["iso"]() if families_of(entry) == ()] == []
+
+
+def test_cycles_that_may_only_be_defined() -> None:
+    for number in sorted(ONLY_DEFINED):
+        assert refusal("heidenhain", f"CYCL DEF {number}.0 TEXT") == ""
+        assert refusal("heidenhain", f"CYCL DEF {number}.0 TEXT\nCYCL CALL") != ""

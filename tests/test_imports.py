@@ -62,6 +62,7 @@ POSTPROC = (
     "postproc.probing",
     "postproc.evaluation",
     "postproc.correct",
+    "postproc.code_tables",
     "postproc.verification",
     "postproc.control_data",
     "postproc.hooks",

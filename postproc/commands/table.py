@@ -17,6 +17,7 @@ COMMANDS = {
     "watch": "programs.watch",
     "verify": "programs.verify",
     "check": "programs.check",
+    "codes": "controls.codes",
     "compare": "calibrations.compare",
     "machines": "workplace.machines",
     "doctor": "workplace.doctor",

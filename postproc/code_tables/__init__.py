@@ -1,0 +1,1 @@
+"""What the codes of controls mean to ncomp, from the tables by which the interpreters read them."""
