@@ -1,4 +1,4 @@
-"""Diagnoses of the questions of four exams, and the table of docs/diagnosis.md.
+"""Diagnoses of the questions of four exams, and the tables of docs/diagnosis.md.
 
     python benchmarks/diagnoses.py --seed 71 --each 20                      # 20 questions of each exam
     python benchmarks/diagnoses.py --seed 71 --each 20 --exams short,shop   # of two exams
@@ -8,7 +8,8 @@
 Exams: `first` (benchmarks/diagnosis_exam.py, the causes that data show without a calibration), `shop` (the second one,
 tests/shop_floor, but for its design with a calibration), `short` (the third one, benchmarks/short_measurements), and
 `ordinary` (the files of --ordinary, which have no seed: the seed chooses among them). Each asks also data in which
-nothing is hidden. All questions are asked of a laser tracker's data, without a calibration.
+nothing is hidden; `nothing` asks only these, in all designs of the first three. All questions are asked of a laser
+tracker's data, without a calibration.
 
 Each answer is appended to the file of records; a question that has its answer there is not asked again.
 
@@ -18,15 +19,19 @@ is not there. worse: calibrations that were accepted and leave more than no corr
 calibrations that were not accepted, of `short` those that leave less than none. covered: errors at unseen poses within
 their intervals of 95 %, all and the lowest of one question. sizes: within k = 2. left: median error at unseen poses,
 um. s: processor time of a diagnosis, median and slowest tenth.
+
+The second table has the causes by the odds that the diagnosis gives them: how many of them are there, or are tied with
+one that is, and the share of which their odds say so.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,9 +48,10 @@ from shop_floor.designs import DESIGNS
 from shop_floor.question import CAUSES
 from short_measurements.answers import asked
 from short_measurements.case import Case
+from short_measurements.designs import DESIGNS as SHORT
 from short_measurements.tables import VISIBLE, read
 from virtual_machine import draws
-from virtual_machine.scoring import score
+from virtual_machine.scoring import score, title
 
 Record = dict[str, Any]
 TIMEOUT_S = 1800.0
@@ -73,11 +79,14 @@ def first(seed: int, count: int, _: Path) -> Iterator[Question]:
 
 
 def _first(kind: str, machine: str, seed: int) -> Record:
-    draw = draws.draw([] if kind == NOTHING else [kind], machine, seed)
+    return _of_first(draws.draw([] if kind == NOTHING else [kind], machine, seed))
+
+
+def _of_first(draw: draws.Draw) -> Record:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "data.csv").write_text(draw.sheet(), encoding="utf-8")
-        said = _diagnosed(folder, machine)
+        said = _diagnosed(folder, draw.setup.session.chain.name)
     if "failure" in said:
         return said
     found = said["diagnosis"]
@@ -87,7 +96,7 @@ def _first(kind: str, machine: str, seed: int) -> Record:
     left = len(judged.named) - named - tied
     unexplained = left if found["unexplained"] else 0
     counts = {"hidden": len(judged.named), "named": named, "tied": tied, "unexplained": unexplained}
-    sizes = {"inside": judged.inside, "sizes": judged.of}
+    sizes = {"inside": judged.inside, "sizes": judged.of, "odds": _odds(found, judged.blamed, title)}
     return {**counts, "missed": left - unexplained, "false": list(judged.blamed), **sizes, "seconds": said["seconds"]}
 
 
@@ -136,6 +145,7 @@ def _second(key: shop.Key) -> Record:
         "covered": said["covered"],
         "inside": said["inside"],
         "sizes": said["sizes"],
+        "odds": said["odds"],
         "left": after if said["written"] else None,
         "seconds": said["seconds"],
     }
@@ -166,6 +176,7 @@ def _third(case: Case) -> Record:
         "refused": not said["accepted"] and not worse,
         "covered": said.get("covered") if said["accepted"] else None,
         "left": said["after_um"],
+        "odds": said["odds"],
         "seconds": said["seconds"],
     }
 
@@ -192,10 +203,36 @@ def _ordinary(file: Path) -> Record:
         counts[_fate(found, kind, axes)] += 1
     right = [each for each in found["effects"] if any(_fits(each, kind, axes) for kind, axes in hidden)]
     ties = [each for each in found["effects"] if any(_fits(o, k, a) for o in each["alternatives"] for k, a in hidden)]
-    false = [
-        f"{each['kind']} {each.get('axis')}" for each in found["effects"] if each not in right and each not in ties
-    ]
-    return {"hidden": len(hidden), **counts, "false": false, "seconds": said["seconds"]}
+    false = [_named(each) for each in found["effects"] if each not in right and each not in ties]
+    odds = _odds(found, false, _named)
+    return {"hidden": len(hidden), **counts, "false": false, "odds": odds, "seconds": said["seconds"]}
+
+
+def _named(cause: Record) -> str:
+    return f"{cause['kind']} {cause.get('axis')}"
+
+
+def _odds(found: Record, false: Sequence[str], words: Callable[[Record], str]) -> list[tuple[float, bool]]:
+    """Of each cause the decimal logarithm of its odds, and whether it is there, or tied with one that is."""
+    return [(each["log10_odds"], words(each) not in false) for each in found["effects"]]
+
+
+def nothing(seed: int, count: int, _: Path) -> Iterator[Question]:
+    """Data in which nothing is hidden, of all designs of the first three exams in turn, and machines by chance."""
+    rng = np.random.default_rng([seed, 4])
+    later = [design for design in DESIGNS if design != "again"]
+    for number in range(count):
+        own = int(rng.integers(10_000))
+        if number % 3 == 0:
+            yield Question("nothing", f"first {own}", lambda n=own: _of_first(draws.nothing(n)))  # type: ignore[misc]
+        elif number % 3 == 1:
+            key = shop.Key(later[number // 3 % len(later)], "none", str(rng.choice(list(MACHINES))), own, seed)
+            yield Question("nothing", " ".join(map(str, key)), lambda k=key: _second(k))  # type: ignore[misc]
+        else:
+            designs = list(SHORT)
+            machine, design = str(rng.choice(["cframe", "gantry"])), designs[number // 3 % len(designs)]
+            case = Case(machine, design, "none", own)
+            yield Question("nothing", case.name, lambda c=case: _third(c))  # type: ignore[misc]
 
 
 def _fits(cause: Record, kind: str, axes: frozenset[str]) -> bool:
@@ -212,10 +249,13 @@ def _fate(found: Record, kind: str, axes: frozenset[str]) -> str:
     return "unexplained" if found["unexplained"] else "missed"
 
 
-EXAMS = {"first": first, "shop": second, "short": third, "ordinary": ordinary}
+EXAMS = {"first": first, "shop": second, "short": third, "ordinary": ordinary, "nothing": nothing}
 HEAD = ("asked", "hidden", "named", "tied", "unexplained", "missed", "invisible", "false", "worse", "refused")
 BEGIN, END = "<!-- diagnoses -->", "<!-- /diagnoses -->"
 """Marks of the table in a page."""
+ODDS = (1.0, 20.0, 150.0, 1e4, 1e6, np.inf)
+"""Ranges of odds; 150 is where a cause is called clear."""
+OF_ODDS = ("odds", "causes", "there", "share", "expected")
 FURTHER = ("covered", "lowest", "sizes", "left", "s", "slowest")
 
 
@@ -226,13 +266,30 @@ def table(records: Sequence[Record]) -> Iterator[str]:
         yield f"{name:10}{''.join(f'{figure:>12}' for figure in figures)}"
 
 
+def reliability(records: Sequence[Record]) -> Iterator[tuple[str, ...]]:
+    """Of the causes in each range of odds: their number, how many are there, and their mean probability."""
+    causes = np.array([cause for each in records for cause in each.get("odds", ())]).reshape(-1, 2)
+    for low, high in itertools.pairwise(ODDS):
+        own = causes[(causes[:, 0] >= np.log10(low)) & (causes[:, 0] < np.log10(high))]
+        said = 1.0 / (1.0 + 10.0 ** -own[:, 0])
+        if len(own):
+            share, expected = f"{100 * own[:, 1].mean():.1f} %", f"{100 * said.mean():.1f} %"
+            yield f"{low:g} to {high:g}", str(len(own)), f"{own[:, 1].sum():.0f}", share, expected
+
+
 def into_page(page: Path, records: Sequence[Record]) -> None:
-    """Put the table of records into a page, between its marks."""
-    head = ("exam", *HEAD, *FURTHER)
-    rows = [head, ["---"] * len(head), *([name, *figures] for name, figures in _by_exam(records))]
+    """Put the tables of records into a page, between its marks."""
+    by_exam = [[name, *figures] for name, figures in _by_exam(records)]
+    lines = "\n\n".join((_markdown(("exam", *HEAD, *FURTHER), by_exam), _markdown(OF_ODDS, reliability(records))))
     before, rest = page.read_text(encoding="utf-8").split(BEGIN)
-    lines = "\n".join(f"| {' | '.join(row)} |" for row in rows).replace("| --- ", "|---").replace("|--- |", "|---|")
     page.write_text(f"{before}{BEGIN}\n\n{lines}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+def _markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of a page."""
+    ruled = f"|{'---|' * len(head)}"
+    first, *rest = (f"| {' | '.join(row)} |" for row in (head, *rows))
+    return "\n".join((first, ruled, *rest))
 
 
 def _by_exam(records: Sequence[Record]) -> Iterator[tuple[str, list[str]]]:
@@ -282,6 +339,7 @@ def main() -> None:
                 print(_line(record), flush=True)
     records = read(given.records)
     print("\n".join(table(records)))
+    print("\n".join("".join(f"{word:>16}" for word in row) for row in (OF_ODDS, *reliability(records))))
     if given.page is not None:
         into_page(given.page, records)
 

@@ -73,7 +73,8 @@ def judged(case: Case, effects: list[Record], unexplained: Record | None, noise:
     stated = case.effect == "stick-slip" and AXES[case.axis] in (noise or {}).get("non_repeatability", {})
     verdict = "named" if named else "tied" if tied else "unexplained" if unexplained or stated else "missed"
     words = [f"{each['kind']} {each.get('axis') or ''} {each['verdict']}" for each in false]
-    return {"verdict": verdict, "false": words, "variables": (unexplained or {}).get("variables")}
+    odds = [[each["log10_odds"], each not in false] for each in effects]
+    return {"verdict": verdict, "false": words, "odds": odds, "variables": (unexplained or {}).get("variables")}
 
 
 def predicted(case: Case, new: Path, folder: Path, nominal: Array, true: Array) -> Record:

@@ -113,6 +113,7 @@ def _asked(key: Key, question: Question, folder: Path, timeout: float, options: 
         "inside": scored.inside,
         "sizes": scored.sizes,
         "found": [title(effect) for effect in diagnosis["effects"]],
+        "odds": [[effect["log10_odds"], title(effect) not in scored.false] for effect in diagnosis["effects"]],
         "unexplained": (diagnosis.get("unexplained") or {}).get("variables"),
         "accepted": bool(diagnosis.get("accepted", True)),
         "written": calibration is not None,
