@@ -168,13 +168,13 @@ class Scan:
     def _wave(self, turns: float, step: float, harmonics: int) -> Term:
         """A wave of so many periods over the travel; those of its neighbours are one step more and less.
 
-        Its finer members have other periods, or more harmonics, as far as the positions show them.
+        Its finer members have other periods, or more harmonics: also shorter ones than any lead.
         """
         closer, zeros = CLOSER * step / (FINER + 1), (0.0,) * harmonics
         effect = Cyclic(own_component(self.axis), self.axis, self.travel / turns, zeros, zeros)
         orders = np.tile(np.arange(1.0, harmonics + 1.0), 2)
         near = [(other, harmonics) for way in _between(FINER) if (other := turns + way * step) >= FEWEST_TURNS]
-        near += [(turns, more) for more in HARMONICS if more > harmonics and more * turns <= self.turns[-1]]
+        near += [(turns, more) for more in HARMONICS if more > harmonics]
         term = plain(self.observations, effect, 1.0 / orders)
         return replace(term, finer=lambda: [self._wave(other, closer, count) for other, count in near])
 
