@@ -33,13 +33,19 @@ import ncomp
 from calibration.diagnosis.diagnose import diagnose
 from calibration.reports.diagnosis.document import diagnosis_json
 from kinematics.error_model.model import write_model
-from kinematics.error_model.priors import PRIORS, Priors
+from kinematics.error_model.priors import KINDS, PRIORS, Priors
 
 PROBABILITIES = ("outlier", "common", "rare", "smooth", "swing", "walk", "fine", "most_left_out")
 HEAD = """# Priors
 
 What a [diagnosis](how_causes_are_found.md) knows before any data. Each number has its reason, or its data; a
-machine file states others under `[priors]` ([the machine file](../machines.md)).
+machine file states its kind of machine, or single numbers, under `[priors]` ([the machine file](../machines.md)).
+
+"""
+OF_KINDS = """
+## Kinds of machines
+
+Where a kind differs from a machining centre:
 
 """
 RESULTS = """
@@ -118,6 +124,16 @@ def reasons() -> str:
     return "\n".join(found)
 
 
+def kinds() -> str:
+    """The kinds of machines, with what differs from the priors above, and their sources."""
+    found = ["| kind | priors | source |", "|---|---|---|"]
+    for name, kind in KINDS.items():
+        own = [(each.name, getattr(kind.priors, each.name)) for each in dataclasses.fields(Priors)]
+        differs = ", ".join(f"`{prior}` {value:g}" for prior, value in own if value != getattr(PRIORS, prior))
+        found.append(f"| `{name}` | {differs or '-'} | {kind.source} |")
+    return "\n".join(found)
+
+
 def main() -> None:
     """Ask, and write or print the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -143,7 +159,7 @@ def main() -> None:
         only = f" --only {given.only}" * bool(given.only)
         options = f"--seed {given.seed} --questions {given.questions}{only}"
         text = RESULTS.format(questions=given.questions, options=options)
-        given.page.write_text(f"{HEAD}{reasons()}\n{text}{table}\n", encoding="utf-8")
+        given.page.write_text(f"{HEAD}{reasons()}\n{OF_KINDS}{kinds()}\n{text}{table}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
 
-from kinematics.error_model.priors import Priors
+from kinematics.error_model.priors import KINDS, Priors
 from kinematics.files import read_input
 from kinematics.files.mistaken import did_you_mean
 from kinematics.files.report_head import ReportHead
@@ -168,12 +169,16 @@ def _offset(table: object, where: str, chained: set[str]) -> dict[str, float]:
 
 
 def _priors(table: dict[str, Any]) -> Priors:
-    """The `[priors]` table; the fields of `Priors` are its keys."""
-    priors = entry(table, Priors, "priors")
-    wrong = next((name for name, value in table.items() if not 0.0 < value < math.inf), None)
+    """The `[priors]` table; its keys are `kind` and the fields of `Priors`, which differ from those of the kind."""
+    own = {name: value for name, value in table.items() if name != "kind"}
+    kind = table.get("kind", "machining-centre")
+    if kind not in KINDS:
+        raise UserError(f"priors.kind {kind!r} is not known: write one of {', '.join(KINDS)}, or leave it out")
+    entry(own, Priors, "priors")
+    wrong = next((name for name, value in own.items() if not 0.0 < value < math.inf), None)
     if wrong is not None:
-        raise UserError(f"priors.{wrong} {table[wrong]} must be positive")
-    return priors
+        raise UserError(f"priors.{wrong} {own[wrong]} must be positive")
+    return replace(KINDS[kind].priors, **own)
 
 
 def _control(table: dict[str, Any], chained: set[str]) -> Control:

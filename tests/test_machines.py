@@ -213,6 +213,11 @@ BAD = {
     "tool length not a number": ("1 = 80", "1 = nan", "tools.1: nan is not finite"),
     "zero increment": ("[tools]", "[control]\nincrement = 0\n[tools]", "control.increment 0.0 must be positive"),
     "no expected size": ("[tools]", "[priors]\nwalk = 0\n[tools]", "priors.walk 0 must be positive"),
+    "unknown kind of machine": (
+        "[tools]",
+        '[priors]\nkind = "lathe"\n[tools]',
+        "priors.kind 'lathe' is not known: write one of machining-centre, gantry, arm, printer, mount, stage",
+    ),
     "unknown prior": (
         "[tools]",
         "[priors]\nrepeatability_um = 5\n[tools]",

@@ -34,7 +34,7 @@ def plain(observations: Observations, effect: Effect, shares: Array | float = 1.
 
     shares `(parameters,)`: expected sizes, as shares of the typical ones.
     """
-    return _term(observations, effect, effect.name, (effect,), np.diag(_typical(effect) * shares))
+    return _term(observations, effect, effect.name, (effect,), np.diag(_typical(observations, effect) * shares))
 
 
 def pivoted(observations: Observations, effect: Effect) -> Term:
@@ -46,14 +46,15 @@ def pivoted(observations: Observations, effect: Effect) -> Term:
     axis = effect.axes[0]
     low, high = observations.measurement.moving[axis]
     middle, end = (msgspec.structs.replace(effect, fixed_point=point) for point in ((low + high) / 2.0, high))
-    size = np.diag(_typical(effect))
+    size = np.diag(_typical(observations, effect))
     mixed = np.block([[size, -size], [np.zeros_like(size), size]])
     return _term(observations, middle, f"{effect.name} about any {axis}", (middle, end), mixed)
 
 
-def _typical(effect: Effect) -> Array:
-    """Typical sizes of the linear parameters."""
-    return np.array([size for size, linear in zip(effect.typical, effect.linear, strict=True) if linear])
+def _typical(observations: Observations, effect: Effect) -> Array:
+    """Typical sizes of the linear parameters, for the kind of machine where the effect acts in it."""
+    times = observations.priors.typical if effect.ACTS_ON != "instrument" else 1.0
+    return times * np.array([size for size, linear in zip(effect.typical, effect.linear, strict=True) if linear])
 
 
 def _term(observations: Observations, effect: Effect, name: str, effects: Sequence[Effect], parameters: Array) -> Term:
@@ -87,7 +88,7 @@ def reversals(observations: Observations) -> Iterator[Term]:
 def _reversal(observations: Observations, motion: ErrorMotion, basis: Basis, shares: Array) -> Term:
     """The term of a difference, of coefficients with expected sizes `(basis.size, width)`, in typical sizes."""
     effect = Reversal(motion.component, motion.axis, basis, (0.0,) * basis.size)
-    return _term(observations, effect, effect.name, (effect,), _typical(effect)[:, None] * shares)
+    return _term(observations, effect, effect.name, (effect,), _typical(observations, effect)[:, None] * shares)
 
 
 def motion_changes(observations: Observations, calibration: ErrorModel) -> Iterator[Term]:

@@ -131,7 +131,7 @@ def _parts(observations: Observations) -> Iterator[_Part]:
             keys = [(effect.axes[0], _kind(effect), _band(degree)) for degree in degrees.tolist()]
             yield _Part(effect, prior_sizes(observations, degrees), keys)
     for side in _first_sides(measurement):
-        yield _Part(side, np.array(side.typical), [(side.name, "", FIRST)])
+        yield _Part(side, observations.priors.typical * np.array(side.typical), [(side.name, "", FIRST)])
 
 
 def prior_sizes(observations: Observations, degrees: np.ndarray) -> Array:
