@@ -13,6 +13,7 @@ from support.probe_cases import probed, spheres_of
 from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions, truth
 
 import machines
+from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.search import search
 from calibration.gaussian_terms.linearised import linearised, mean_errors
 from calibration.gaussian_terms.observations import Observations
@@ -25,6 +26,7 @@ from calibration.simulation.measure_plan import VirtualInstrument, measure_plan,
 from calibration.simulation.simulate import observe
 from calibration.simulation.true_model import model_of
 from kinematics.effects import Backlash, Effect, LocationError, Scale, ThermalDrift
+from kinematics.error_model.priors import KINDS
 from kinematics.forward import tool_point
 from kinematics.state import State
 
@@ -121,17 +123,41 @@ def test_an_arm_whose_links_are_millimetres_off_is_linearised_about_its_errors()
     assert start.noise.factor**0.5 > 1.2
     assert found.noise.factor**0.5 == pytest.approx(1.0, abs=0.15)
     unseen = robot.random_joints(60, seed=9)
-    flange = robot.NOMINAL.frames(np.zeros(6))[-1][:3, 3]
-    real = robot.real_arm(1, 5.0, 8.0).reflector(unseen) - flange
+    real = robot.real_arm(1, 5.0, 8.0).reflector(unseen)
     left = []
     for structure in (start, found):
         errors = mean_errors(structure).errors(robot.machine(), State(np.radians(unseen)))
-        points = tool_point(robot.machine(), np.radians(unseen), robot.target(), errors)
-        turned, _, right = np.linalg.svd((points - points.mean(axis=0)).T @ (real - real.mean(axis=0)))
-        back = (points - points.mean(axis=0)) @ (turned @ right)
-        left.append(np.sqrt(np.mean((back - (real - real.mean(axis=0))) ** 2)))
-    assert left[1] < 0.03
+        left.append(_apart(tool_point(robot.machine(), np.radians(unseen), robot.target(), errors), real))
+    assert left[1] < 0.05
     assert left[1] < 0.7 * left[0]
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("kind", ["machining-centre", "arm"])
+def test_joints_that_yield_to_gravity_do_not_pass_for_joints_that_do_not_repeat(kind):
+    """400 poses that never repeat; without the causes hundreds of um are left."""
+    compliance = {1: 1240.0, 2: 950.0, 4: 1340.0}
+    arm, joints = robot.real_arm(1, 0.3, 0.5), robot.random_joints(400, seed=3)
+    state = with_moves(State(np.radians(joints), target=np.full(400, "t"), station=np.full(400, "s1")))
+    points = robot.measured(arm.yielding(joints, compliance), arm)
+    tracker = TRACKER.__class__(u_range_um=10.0, u_angle_um=10.0)
+    machine = replace(robot.machine(), priors=KINDS[kind].priors)
+    found = diagnose(Measurement(machine, tracker, state, points, {"t": Target(tuple(robot.target()))}, source="arm"))
+    sizes = {cause.effect.name: cause.effect.parameters[0] for cause in found.causes}
+    assert sizes == {f"joint-compliance A{i + 1}": pytest.approx(size, rel=0.15) for i, size in compliance.items()}
+    assert found.structure.noise.factor**0.5 == pytest.approx(1.0, abs=0.15)
+    assert max(found.structure.noise.repeats.values(), default=0.0) < 5.0
+    unseen = robot.random_joints(200, seed=9)
+    errors = found.calibration.errors(machine, with_moves(State(np.radians(unseen))))
+    predicted = tool_point(machine, np.radians(unseen), robot.target(), errors)
+    assert _apart(predicted, arm.reflector(arm.yielding(unseen, compliance))) < 0.012
+
+
+def _apart(points, others) -> float:
+    """RMS distance of points `(n, 3)` after the best rigid motion."""
+    points, others = points - points.mean(axis=0), others - others.mean(axis=0)
+    turned, _, right = np.linalg.svd(points.T @ others)
+    return float(np.sqrt(np.mean(np.sum((points @ (turned @ right) - others) ** 2, axis=1))))
 
 
 def test_a_table_four_thousandths_too_long_on_a_ballbar():

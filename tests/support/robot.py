@@ -45,6 +45,18 @@ class Arm:
         tip = np.append(REFLECTOR, 1.0)
         return np.array([(self.frames(q)[-1] @ tip)[:3] for q in np.radians(joints)])
 
+    def yielding(self, joints, urad_per_m):
+        """Joint angles (n, 6), degrees, at which joints yield to a weight at the flange.
+
+        urad_per_m: compliance of joints, by their number from 0, times the horizontal lever of the flange.
+        """
+        found = np.radians(joints)
+        for row in found:
+            frames = self.frames(row)
+            levers = [np.cross(pose[:3, 2], frames[-1][:3, 3] - pose[:3, 3]) @ (0.0, 0.0, -1e-3) for pose in frames[:6]]
+            row += [urad_per_m.get(i, 0.0) * 1e-6 * lever for i, lever in enumerate(levers)]
+        return np.degrees(found)
+
 
 NOMINAL = Arm(A, D, ALPHA, OFFSET)
 
