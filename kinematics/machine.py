@@ -116,11 +116,14 @@ class Control:
     """Names of axes outside the chain, as of an extruder: their words pass as they are (Siemens programs)."""
     calls_leave_state: bool = False
     """Programs in other files that a program calls do not change tool, frames and modes (Klartext)."""
-    family: Literal["any", "fanuc", "linuxcnc"] = "any"
+    family: Literal["any", "fanuc", "linuxcnc", "grbl"] = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
     block_skip: Literal["", "on", "off"] = ""
     """Position of the block-skip switch: on, so that blocks with a slash do not run, or off; without it a program in
     which it matters is refused."""
+    kinematics_types: tuple[Literal["axes", "tool-point"], ...] = ()
+    """LinuxCNC: what the kinematics that `G12.1 P` selects move, by their numbers from 0: the axes, or the tool point
+    in the workpiece frame; without it such programs are refused."""
     random_toolchanger: bool = False
     """LinuxCNC: RANDOM_TOOLCHANGER = 1 of its INI file, with which tool 0 is a tool of the table."""
     klartext_arcs: Literal["helix", "plane", "axes"] = "helix"

@@ -146,7 +146,6 @@ REFUSED = {
     "G41 D1 X5.\nG81 X5. Y5. Z-5. R2.": "a canned cycle under radius compensation",
     "G51 X0. Y0. Z0. P2.\nG81 X5. Y5. Z-5. R2.": "controls differ in canned cycles with a scaled or mirrored depth",
     "G91 G81 X5. Y5. Z-5. R-2.\nG90 X5.": "G90 or G91 within a canned cycle",
-    "G91 G99 G81 X5. Y5. Z-5. R-2.": "a canned cycle with increments needs G98",
     "G81 G80 X5.": "G80 and G81 in one block",
     "G98 G99": "G98 and G99 in one block",
     "G87 X5. Y5. Z-5. R2.": "G87 is a boring cycle that shifts the tool",

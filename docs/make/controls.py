@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT))
 from lines import written  # noqa: E402
 
 from postproc.code_tables.entries import ANY_OTHER, CONTROLS, ENTRIES, VERDICTS, CodeEntry, Verdict  # noqa: E402
-from postproc.code_tables.trials import FAMILIES, families_of  # noqa: E402
+from postproc.code_tables.trials import ANY, FAMILIES, families_of  # noqa: E402
 
 FOLDER = ROOT / "docs" / "controls"
 TITLES = {
@@ -75,13 +75,17 @@ def codes_of(letter: str, members: list[CodeEntry]) -> str:
 def with_family(entry: CodeEntry) -> str:
     """The families of which an ISO code needs one."""
     families = families_of(entry)
-    return "every family" if families == FAMILIES else " or ".join(f'`"{each}"`' for each in families) or "refused"
+    if families == FAMILIES:
+        return "every family"
+    named = families if ANY not in families else [each for each in FAMILIES if each not in families]
+    joined = (" and " if ANY in families else " or ").join(f'`"{each}"`' for each in named)
+    return f"every family but {joined}" if ANY in families else joined or "refused"
 
 
 def rows_of(dialect: str, verdict: Verdict, entries: list[CodeEntry]) -> list[str]:
     """The table of the codes of one verdict."""
     own = [entry for entry in entries if entry.verdict == verdict]
-    if dialect == "iso" and verdict == "followed":
+    if dialect == "iso" and verdict in ("followed", "passes"):
         head = ["| code | meaning | with |", "|---|---|---|"]
         return [*head, *(f"| {codes} | {meaning} | {family} |" for codes, meaning, family in grouped(own)), ""]
     return ["| code | |", "|---|---|", *(f"| {codes} | {meaning} |" for codes, meaning, _ in grouped(own)), ""]

@@ -10,6 +10,7 @@ import msgspec
 from postproc.control import codes as shared
 from postproc.heidenhain import codes as heidenhain
 from postproc.iso import codes as iso
+from postproc.iso.families import IN_MACHINE_FRAME, NORMAL_END, STORED
 from postproc.siemens import codes as siemens
 
 Verdict = Literal["followed", "passes", "noted", "refused"]
@@ -77,7 +78,9 @@ ISO_FOLLOWED: dict[str, Iterable[float]] = {
     "data: offsets and lengths that the program sets": (iso.DATA, iso.GIVEN_LENGTH),
     "shifts and presets": (iso.LOCAL, iso.PRESET, iso.PRESET_END, iso.PRESET_OFF, iso.PRESET_ON),
     "scale, mirror, rotation, tilted plane": (*iso.TURNS, iso.SCALE_END, iso.MIRROR_END, iso.ROTATION_END, iso.UPRIGHT),
-    "reference positions and machine coordinates: the move stays": (28.0, 30.0, 53.0),
+    "reference positions and machine coordinates: the move stays": (28.0, 30.0, 53.0, *IN_MACHINE_FRAME),
+    "stores the present position (LinuxCNC, grbl); elsewhere the positions are unknown after it": STORED,
+    "end of the normal direction control": (NORMAL_END,),
     "subprograms and macros in the same file": (65.0, 66.0, 67.0),
     "fine boring (FANUC); a thread on LinuxCNC": (iso.FINE_BORING,),
 }

@@ -8,6 +8,7 @@ from typing import Any, cast, get_args, get_type_hints
 
 from kinematics.machine import Control, Machine
 from postproc.code_tables.entries import CodeEntry
+from postproc.iso.families import refused_by_family
 
 HEADS = {
     "iso": "G21 G17 G90 G94 G54\nT1 M6\nG43 H1\nG0 X0 Y0 Z100 B0 C0\nG1 X1 F100\n",
@@ -62,10 +63,13 @@ def refusal(dialect: str, block: str, family: str = ANY) -> str:
 
 def families_of(entry: CodeEntry) -> tuple[str, ...]:
     """The families of ISO controls in whose programs a code is accepted; all where none changes its meaning."""
-    if entry.dialect != "iso" or entry.verdict != "followed" or entry.code in CALLS:
+    if entry.dialect != "iso" or entry.verdict == "refused":
         return FAMILIES
+    known = tuple(family for family in FAMILIES if not refused_by_family(family, entry.letter, entry.number))
+    if entry.verdict != "followed" or entry.code in CALLS:
+        return known
     blocks = [f"{entry.code} {words}".strip() for words in WORDS]
     if entry.letter == "G" and entry.number in TRIALS:
         blocks = [TRIALS[entry.number]]
     found = tuple(family for family in FAMILIES if any(not refusal("iso", block, family) for block in blocks))
-    return FAMILIES if ANY in found else found
+    return known if ANY in found else found

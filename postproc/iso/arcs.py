@@ -1,4 +1,4 @@
-"""Arcs of ISO blocks, by R or by I J K, and polar coordinates (G16)."""
+"""Ends of moves of ISO blocks: arcs by R or by I J K, polar coordinates (G16), tool vectors (G43.5)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from postproc.control.arcs import read_arc
 from postproc.control.channel import AxisWords
 from postproc.control.words import whole_of
 from postproc.iso.channel import Channel
-from postproc.iso.polar_coordinates import PolarCoordinates
+from postproc.iso.modal_state import PolarCoordinates
 from postproc.iso.words import Content
 from postproc.motion.circles import point_around
-from postproc.motion.moves import Arc, Polar
+from postproc.motion.moves import Arc, AxisWord, Polar
 from postproc.text.block import Block
 
 HINT = '. With an absolute centre it is a circle: for such a control set arc_centres = "absolute" in the machine file'
@@ -60,3 +60,26 @@ def go_polar(channel: Channel, target: list[float], polar: Polar) -> None:
     """Set the polar end of a move in its target."""
     target[polar.axes[0]], target[polar.axes[1]] = point_around((0.0, 0.0), polar.radius, polar.angle)
     channel.recorder.record_polar(polar)
+
+
+# ---- tool vectors
+
+
+def turn_tool(channel: Channel, content: Content, target: list[float], words: AxisWords) -> AxisWords:
+    """The positions of rotary axes by tool vectors, which no word names; in a tilted plane they do not move."""
+    if any(channel.rotary[word.axis] for word, _ in words):
+        raise content.refuse("a rotary axis word with tool vectors or in a tilted plane is not corrected: leave it out")
+    programmed = [content.other.get(letter) for letter in "IJK"]
+    if programmed == [None, None, None] or channel.modal.tilted:
+        return []
+    if None in programmed or channel.modal.motion not in (0.0, 1.0):
+        raise content.refuse("a tool vector needs I, J and K and a straight line: write all three with G0 or G1")
+    vector = [content.block.words[i].value or 0.0 for i in programmed if i is not None]
+    channel.notes.add(
+        "G43.5: the new positions of the rotary axes are taken nearest to the present ones", content.block.line
+    )
+    positions = channel.along_tool_axis(content.block, target, vector)
+    for axis, value in positions.items():
+        target[axis] = value
+    channel.no_insertion = True
+    return [(AxisWord(axis, -1, True), value) for axis, value in positions.items()]

@@ -16,6 +16,7 @@ from postproc.control.words import no_number
 from postproc.iso.codes import (
     CENTRE_DISTANCES,
     FEED_MODES,
+    HARMLESS_G,
     OTHER_UNITS,
     REFUSED_M,
     RETURN_TO_LEVEL,
@@ -23,6 +24,7 @@ from postproc.iso.codes import (
     TURNING_WORDS,
     UNITS,
 )
+from postproc.iso.families import ANY, GRBL, HARMLESS, LINUXCNC, STORED, refused_by_family
 from postproc.iso.modal_state import InForce, ModalState
 from postproc.iso.variables import IsoVariables
 from postproc.motion.moves import Kind
@@ -30,8 +32,9 @@ from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 
 INTEGERS = "coordinates without decimal point are taken in mm, inches or degrees, not in increments"
-LINUXCNC_SHORT_RADIUS_MM = 0.00127
-"""LinuxCNC's RADIUS_TOLERANCE_MM (interp_internal.hh), 0.00005 inch: a radius may be so much too short."""
+SHORT_RADIUS_MM = {LINUXCNC: 0.00127, GRBL: 1e-9}
+"""Length by which a radius may be too short, by family: LinuxCNC's RADIUS_TOLERANCE_MM (interp_internal.hh), 0.00005
+inch; grbl's gcode.c takes none that is too short."""
 
 
 @dataclass
@@ -49,14 +52,42 @@ class Channel(channel.Channel):
         super().__post_init__()
         self.family = self.machine.control.family
         """The family of controls that decides where controls differ."""
-        if self.family == "linuxcnc":
-            self.short_radius_mm = LINUXCNC_SHORT_RADIUS_MM
+        self.short_radius_mm = SHORT_RADIUS_MM.get(self.family, self.short_radius_mm)
+        self.harmless_g = HARMLESS_G | HARMLESS.get(self.family, frozenset())
+        """G codes that neither move the tool nor change where coordinates point."""
         self.unstated_turns = frozenset(
             i for i, axis in enumerate(self.machine.axes) if axis.turns_fully and not axis.rollover
         )
         """Columns of rotary axes for which the machine file does not state the meaning of numbers beyond a turn."""
 
     # ---- modes and numbers
+
+    def check_family(self, block: Block, address: str, code: float) -> None:
+        """Refuse a G or M code that the family of the control does not have, or reads as something not followed."""
+        if reason := refused_by_family(self.family, address, code):
+            raise block.refuse(f"{address}{code:g} {reason}")
+
+    def take_function(self, block: Block, code: float) -> None:
+        """Take over an M function."""
+        self.check_family(block, "M", code)
+        super().take_function(block, code)
+
+    def take_unknown(self, block: Block, code: float, refused: Mapping[float, str], *, moves: bool) -> None:
+        """Refuse a G code that is not followed, or pass it; G28.1 and G30.1 store a position or reference the axes."""
+        if code not in STORED or self.family != ANY:
+            super().take_unknown(block, code, refused, moves=moves)
+            return
+        if moves:
+            raise block.refuse(
+                f"coordinates with G{code:g} are a move on LinuxCNC, and the axes to be referenced on Mach3: write "
+                "them in a block of their own"
+            )
+        self.recorder.mark_unknown(list(range(len(self.machine.axes))))
+        self.notes.add(
+            f"G{code:g} stores the present position on LinuxCNC and grbl and references the axes on Mach3: their "
+            "positions after it are taken as unknown",
+            block.line,
+        )
 
     def take_mode(self, block: Block, code: float) -> bool:
         """Take over a modal code; False for any other code."""

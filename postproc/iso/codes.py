@@ -113,6 +113,7 @@ REFUSED_G = {
         (31.0, 37.0, 38.2, 38.3, 38.4, 38.5),
         "is a probing move, and its end position is not known from the program: probe in a program of its own",
     ),
+    28.2: "references the axes, and their positions after it are not known to ncomp: reference them before the program",
     **dict.fromkeys((32.0, 33.0, 33.1), "cuts a thread, which is not corrected"),
     76.0: 'is threading on LinuxCNC and fine boring on FANUC: write family = "fanuc" in the machine file',
     **dict.fromkeys(

@@ -24,6 +24,7 @@ from postproc.iso.codes import (
     UPRIGHT,
 )
 from postproc.iso.datum_transformations import Programmed, check_perpendicular, end_mirror, end_turn, turn
+from postproc.iso.families import ANY, GRBL, LINUXCNC
 from postproc.iso.offsets import NUMBERED
 from postproc.iso.selection import give_length
 from postproc.iso.words import Content, decided_by_family
@@ -174,7 +175,7 @@ def _unmirror(change: CoordinateChange) -> None:
 
 def _give_length(change: CoordinateChange) -> None:
     """G43.1 of LinuxCNC: the length in the block."""
-    if change.channel.family != "linuxcnc":
+    if change.channel.family not in (LINUXCNC, GRBL):
         raise decided_by_family(
             change.content,
             change.channel.family,
@@ -220,10 +221,10 @@ def set_data(change: CoordinateChange) -> tuple[int, ...]:
     if kind == WORK_OFFSET or (kind == WORK_OFFSET_HERE and family == "fanuc"):
         _refuse_but(content, "LP" if family == "fanuc" else "LPR")
         degrees = channel.number(block, other["R"], 1.0) if "R" in other else None
-        in_force = kind == WORK_OFFSET and number == 0 and family == "linuxcnc"
+        in_force = kind == WORK_OFFSET and number == 0 and family in (LINUXCNC, GRBL)
         name = channel.modal.offsets.name if in_force else _name(content, kind, number)
         _enter_offset(change, name, degrees)
-    elif kind == WORK_OFFSET_HERE and family == "linuxcnc":
+    elif kind == WORK_OFFSET_HERE and (family in (LINUXCNC, GRBL) or (family == ANY and number == 0)):
         _refuse_but(content, "LP")
         if number and NUMBERED.get(number) != channel.modal.offsets.name:
             raise content.refuse(

@@ -8,7 +8,7 @@ import msgspec
 
 from postproc.control.channel import AxisWords
 from postproc.iso.codes import COORDINATE_CHANGES, CYCLE_WORDS, LENGTH_CODES, NOT_MOVING
-from postproc.iso.words import Content
+from postproc.iso.words import DIFFERS, Content
 from postproc.motion.frames import Frame
 from postproc.motion.moves import AxisWord, Cycle, Known
 from postproc.motion.recorder import Recorder
@@ -58,10 +58,11 @@ class CannedCycle(msgspec.Struct):
         words: AxisWords,
         retract: tuple[int, float] | None,
         to_retract: bool | None,
+        family: str,
         *,
         switched: bool = False,
     ) -> Hole:
-        """The next hole.
+        """The next hole; `family`: of controls, which differ in the return from an R above the level.
 
         words: the axis words of the block with their values; retract: its R, index and value. Values in mm.
         switched: the block is in G91 and the start of the cycle in G90, or the reverse.
@@ -70,6 +71,7 @@ class CannedCycle(msgspec.Struct):
         programmed = {word.axis: (word.word, value) for word, value in words}
         self.store(words, retract)
         level, bottom = self._level_and_bottom(block, recorder.machine.names[axis], to_retract)
+        to_retract = self._return(block, level, bottom, to_retract, family)
         positions = [(word, value) for word, value in words if word.axis != axis]
         target = recorder.target(block, positions)
         target[axis] = bottom
@@ -83,17 +85,27 @@ class CannedCycle(msgspec.Struct):
         """Positions of R and of the bottom, mm, along the axis of this name; Refusal where the program gives none."""
         if self.retract is None or self.depth is None:
             raise block.refuse(f"the canned cycle needs {name} and R: write both")
-        if self.incremental and (to_retract is not False or not self.known):
+        if self.incremental and (to_retract is None or not self.known):
             raise block.refuse(
-                f"a canned cycle with increments needs G98 and a known position of {name} before it: write both"
+                f"a canned cycle with increments needs G98 or G99 and a known position of {name} before it: write both"
             )
         level = self.retract + (self.level if self.incremental else 0.0)
-        if self.known and level > self.level and not to_retract:
-            raise block.refuse(
-                "R is above the level before the cycle, and controls differ in the return: move the tool "
-                "above R before the cycle"
-            )
         return level, level + self.depth if self.incremental else self.depth
+
+    def _return(self, block: Block, level: float, bottom: float, to_retract: bool | None, family: str) -> bool | None:
+        """End position of a hole, as `to_retract`, for R and bottom in mm; Refusal where controls differ in it."""
+        if family == "linuxcnc" and bottom > level:
+            raise block.refuse("the bottom of this canned cycle is above its R, which LinuxCNC refuses: correct R")
+        if not self.known or level <= self.level or to_retract or family == "fanuc":
+            return to_retract
+        if family == "linuxcnc":
+            return True
+        if bottom > level:
+            return to_retract  # those controls take it that return to the level before the cycle
+        raise block.refuse(
+            "R is above the level before the cycle, and controls differ in the return: move the tool "
+            f"above R before the cycle, or {DIFFERS}"
+        )
 
 
 def check_cycle_words(content: Content, rotary: bool) -> None:

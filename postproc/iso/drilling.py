@@ -60,6 +60,8 @@ def drill(channel: Channel, index: int, content: Content, cycle: CannedCycle) ->
     if len(times) > 1 or any(not 0 <= n <= MOST_HOLES for n in times):
         raise content.refuse(f"a canned cycle takes one of K and L, from 0 to {MOST_HOLES}: write one of them")
     if "F" in content.other and block.words[content.other["F"]].value == 0.0:
+        if channel.family == "linuxcnc":
+            raise content.refuse("LinuxCNC refuses F0 in a canned cycle: write a feed")
         channel.notes.add("F0 in a canned cycle: some controls stop, and LinuxCNC refuses it", block.line)
     words, polar = end_words(channel, content)
     i = content.other.get("R")
@@ -73,7 +75,8 @@ def drill(channel: Channel, index: int, content: Content, cycle: CannedCycle) ->
     switched = cycle.incremental == modal.absolute
     # of several holes at one position only the first changes anything
     for _ in range(times[0] if times and not modal.absolute else 1):
-        hole = cycle.hole(block, channel.recorder, words, retract, _returns(channel, cycle), switched=switched)
+        returns = _returns(channel, cycle)
+        hole = cycle.hole(block, channel.recorder, words, retract, returns, channel.family, switched=switched)
         if polar is not None:
             go_polar(channel, hole.target, polar)
         channel.recorder.drill(index, hole.target, hole.level, modal.unit, hole.positions, hole.cycle)

@@ -7,13 +7,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from kinematics.machine import Machine
-from postproc.control.channel import AxisWords
 from postproc.control.codes import DWELL, MOTION, PALLET_CHANGE, PLANES, PROGRAM_ENDS, TOOL_CHANGE
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.words import whole_of
-from postproc.iso.arcs import arc_of, end_words, go_polar, select_polar
+from postproc.iso.arcs import arc_of, end_words, go_polar, select_polar, turn_tool
 from postproc.iso.channel import INTEGERS, Channel
 from postproc.iso.codes import (
     AFTER_MOTION,
@@ -26,7 +25,6 @@ from postproc.iso.codes import (
     DATA,
     FINE_BORING,
     FRAME_CODES,
-    HARMLESS_G,
     LENGTH_CODES,
     MIRROR,
     MOVE_WORDS,
@@ -47,14 +45,16 @@ from postproc.iso.coordinate_presets import cancel_preset, change_coordinates
 from postproc.iso.cycles import calls_macro
 from postproc.iso.datum_transformations import end_mirror, end_turn
 from postproc.iso.drilling import begin_cycle, drill, end_cycle
+from postproc.iso.families import KINEMATICS, LINUXCNC
 from postproc.iso.modal_state import ModalState
+from postproc.iso.reading.commands import run_command
 from postproc.iso.reading.lines import DETAIL as LEADER
 from postproc.iso.reading.lines import refuse_long_line
-from postproc.iso.selection import change_tool, hold_tool, select_length, select_offset
+from postproc.iso.selection import change_tool, hold_tool, select_kinematics, select_length, select_offset
 from postproc.iso.variables import variables_of
 from postproc.iso.words import Content, check_content, dwells_alone, sort_words, take_own_words
 from postproc.motion.cutter_compensation import follow_contour
-from postproc.motion.moves import Arc, AxisWord, Kind
+from postproc.motion.moves import Arc, Kind
 from postproc.motion.plain_moves import PlainMoves
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
@@ -113,6 +113,8 @@ class IsoInterpreter(Interpreter):
             self._read_after_end(block)
         elif block.kind == "tape_mark":
             self._read_tape_mark(block)
+        elif block.kind == "command":
+            run_command(self.channel, block)
         elif block.kind in CONSTRUCTS:
             raise block.refuse(f"{block.detail}: {CONSTRUCTS[block.kind]}")
         return block
@@ -200,6 +202,7 @@ class IsoInterpreter(Interpreter):
         for code in content.g:
             if code in ends:
                 continue
+            channel.check_family(block, "G", code)
             if code in ONE_SHOT:
                 claimed = code
                 if code in (5.0, 5.1):
@@ -208,7 +211,9 @@ class IsoInterpreter(Interpreter):
                 select_offset(channel, content, code)
             elif code in LENGTH_CODES:
                 select_length(channel, content, code)
-            elif not self._take_mode(block, code) and code not in HARMLESS_G:
+            elif code in KINEMATICS and self.family == LINUXCNC:
+                select_kinematics(channel, content, code)
+            elif not self._take_mode(block, code) and code not in channel.harmless_g:
                 channel.take_unknown(block, code, REFUSED_G, moves=content.moves)
         if not FRAME_CODES.isdisjoint(content.g):
             channel.changed_since(before)
@@ -319,7 +324,7 @@ class IsoInterpreter(Interpreter):
         if polar is not None:
             go_polar(channel, target, polar)
         if modal.tilted or modal.lengths.vectors:
-            words += self._turn_tool(content, target, words)
+            words += turn_tool(channel, content, target, words)
         kind = MOTION[modal.motion]
         arc = None
         if kind is Kind.ARC:
@@ -341,28 +346,6 @@ class IsoInterpreter(Interpreter):
         if self.modal.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.modal.lengths.vectors else "IJKR"):
             letters = ", ".join(sorted(other & set("IJKR")))
             raise content.refuse(f"the block is no arc and has {letters}: write G2 or G3, or leave these words out")
-
-    def _turn_tool(self, content: Content, target: list[float], words: AxisWords) -> AxisWords:
-        """The positions of rotary axes by tool vectors, which no word names; in a tilted plane they do not move."""
-        channel = self.channel
-        if any(channel.rotary[word.axis] for word, _ in words):
-            raise content.refuse(
-                "a rotary axis word with tool vectors or in a tilted plane is not corrected: leave it out"
-            )
-        programmed = [content.other.get(letter) for letter in "IJK"]
-        if programmed == [None, None, None] or self.modal.tilted:
-            return []
-        if None in programmed or self.modal.motion not in (0.0, 1.0):
-            raise content.refuse("a tool vector needs I, J and K and a straight line: write all three with G0 or G1")
-        vector = [content.block.words[i].value or 0.0 for i in programmed if i is not None]
-        self.notes.add(
-            "G43.5: the new positions of the rotary axes are taken nearest to the present ones", content.block.line
-        )
-        positions = channel.along_tool_axis(content.block, target, vector)
-        for axis, value in positions.items():
-            target[axis] = value
-        channel.no_insertion = True
-        return [(AxisWord(axis, -1, True), value) for axis, value in positions.items()]
 
     # ---- meaning of coordinates
 

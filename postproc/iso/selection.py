@@ -1,10 +1,11 @@
-"""Selection of work offsets, tools and tool lengths in ISO programs: G54 and its kin, M6, G43 and its kin."""
+"""Selection of work offsets, tools, tool lengths and kinematics in ISO programs: G54 and its kin, M6, G43, G12.1."""
 
 from __future__ import annotations
 
 from postproc.control.words import whole_of
 from postproc.iso.channel import Channel
 from postproc.iso.codes import EXTENDED, ONE_SHOT
+from postproc.iso.families import AXIS_KINEMATICS, GRBL, LINUXCNC, SELECT_KINEMATICS
 from postproc.iso.offsets import TCP_CODES
 from postproc.iso.words import Content
 
@@ -28,7 +29,7 @@ def hold_tool(channel: Channel, number: int) -> None:
 def select_offset(channel: Channel, content: Content, code: float) -> None:
     """G54 and its kin, G54.1 P. LinuxCNC keeps G52 and G92, which are one store there, in every offset."""
     extended, modal = _extended_offset(content, code), channel.modal
-    if modal.placement_code or (modal.offsets.moved and channel.family != "linuxcnc"):
+    if modal.placement_code or (modal.offsets.moved and channel.family not in (LINUXCNC, GRBL)):
         raise content.refuse(
             "the effect of a new work offset on an active G52, G92, rotation, mirror or scale depends on the "
             "control: end these before it"
@@ -72,3 +73,27 @@ def give_length(channel: Channel, length: float) -> None:
     channel.modal.lengths.give(length)
     channel.modal.tcp = channel.machine.control.tcp_at_start
     channel.changed_since(before)
+
+
+def select_kinematics(channel: Channel, content: Content, code: float) -> None:
+    """G12.1 P, G13.1 of LinuxCNC 2.10: one of the kinematics that `kinematics_types` of the machine file names."""
+    kinds = channel.machine.control.kinematics_types
+    if not kinds:
+        raise content.refuse(
+            f"G{code:g} selects a kinematics of LinuxCNC, and the machine file does not name it: write "
+            'kinematics_types = ["tool-point", "axes"] under [control], with the kinds in the order of their numbers'
+        )
+    number = kinds.index("axes") if code == AXIS_KINEMATICS and "axes" in kinds else 0
+    if code == SELECT_KINEMATICS:
+        if "P" not in content.other:
+            raise content.refuse("G12.1 needs P, the number of the kinematics: write it")
+        number = whole_of(content.block, content.block.words[content.other["P"]])
+    if not 0 <= number < len(kinds):
+        raise content.refuse(f"the machine file names no kinematics {number} (kinematics_types): correct P or the file")
+    if channel.modal.placement_code or channel.modal.offsets.turn:
+        raise content.refuse(
+            "another kinematics while the coordinates are rotated is not corrected: write G69 before it"
+        )
+    channel.switch_tcp(kinds[number] == "tool-point")
+    if channel.modal.tcp:
+        channel.note_tcp(f"G12.1 P{number}", content.block)

@@ -143,6 +143,8 @@ class IsoVariables(msgspec.Struct):
     """#0, and a variable of a macro that its call leaves out, are empty (FANUC)."""
     system: int = SYSTEM
     """Number of the first variable that belongs to the control."""
+    last_local: int = 0
+    """Number of the last variable that a macro has of its own; 0 where it depends on the control."""
     shared: dict[str, Value | NotKnown] = msgspec.field(default_factory=lambda: {VALUE: 0.0, RETURNED: 0.0})
     own: list[dict[str, Value | NotKnown]] = msgspec.field(default_factory=lambda: [{}])
     """Local variables of the main program, and of each subprogram that runs."""
@@ -214,9 +216,14 @@ class IsoVariables(msgspec.Struct):
         number = round(index)
         if number == 0:
             raise NotKnown("#0 is the empty variable on some controls only: write another variable")
-        if number > LINUXCNC_LOCALS and number in LOCALS and len(self.own) > 1:
-            raise NotKnown(f"whether a subprogram has a #{number} of its own depends on the control")
-        return f"#{number}", self.own[-1] if number in LOCALS else self.shared
+        last = self.last_local
+        if not last and number > LINUXCNC_LOCALS and number in LOCALS and len(self.own) > 1:
+            raise NotKnown(
+                f"whether a subprogram has a #{number} of its own depends on the control; "
+                'write family = "fanuc" or "linuxcnc" in the machine file'
+            )
+        local = number <= last if last else number in LOCALS
+        return f"#{number}", self.own[-1] if local else self.shared
 
 
 def _linuxcnc_logic(result: Callable[[bool, bool], bool]) -> Callable[[float, float], float]:
@@ -269,15 +276,15 @@ FANUC: Operations = {
 
 def variables_of(family: str) -> IsoVariables:
     """The variables of a program, for controls of a family."""
-    if family == "any":
+    if family in ("any", "grbl"):
         return IsoVariables()
     plain = {**OPERATIONS, "program": _program, "repetitions": lambda _: 1.0, "repeated program": _program}
     if family == "linuxcnc":
-        return IsoVariables({**plain, **LINUXCNC}, system=LINUXCNC_SYSTEM)
+        return IsoVariables({**plain, **LINUXCNC}, system=LINUXCNC_SYSTEM, last_local=LINUXCNC_LOCALS)
     if family == "fanuc":
         plain |= FANUC
         plain |= {
             "repetitions": lambda number: float(number // SPLIT) or 1.0,
             "repeated program": lambda n: _program(n % SPLIT),
         }
-    return IsoVariables(plain, empty=True)
+    return IsoVariables(plain, empty=True, last_local=LOCALS[-1])

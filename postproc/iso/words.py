@@ -20,6 +20,7 @@ from postproc.iso.codes import (
     TOOL_IS,
     TURNING_CYCLES,
 )
+from postproc.iso.families import ANY, GRBL, IN_MACHINE_FRAME, LINUXCNC, SELECT_KINEMATICS
 from postproc.iso.reading.blocks import WORDS
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
@@ -72,7 +73,7 @@ def check_content(content: Content, begun: bool, family: str) -> None:
         raise block.refuse_skip()
     if "O" in other and begun:
         raise block.refuse("a second program in one file is not corrected: write it into a file of its own")
-    if ";" in block.text:
+    if ";" in block.text and family not in (LINUXCNC, GRBL):
         _check_line_end(block)
     if "H" in other and LENGTH_CODES.isdisjoint(g) and REFUSED_G.keys().isdisjoint(g):
         raise block.refuse(
@@ -130,7 +131,18 @@ OUTPUTS: dict[float, str] = {
 }
 """M functions of LinuxCNC for the tool, outputs and inputs, with their words."""
 TAKEN_BY_M = {ORIENTED_STOP: "PQR", **OUTPUTS}
-TAKEN_BY_G = {DWELL: "P", 5.0: "P", 5.1: "Q", DATA: "LPQR", 30.0: "P", 51.0: "P", 64.0: "PQ", 54.1: "P", 154.0: "P"}
+TAKEN_BY_G = {
+    SELECT_KINEMATICS: "P",
+    DWELL: "P",
+    5.0: "P",
+    5.1: "Q",
+    DATA: "LPQR",
+    30.0: "P",
+    51.0: "P",
+    64.0: "PQ",
+    54.1: "P",
+    154.0: "P",
+}
 CLAIMING = COORDINATE_CHANGES | {28.0, 30.0}
 """Codes that take the axis words of their block, so that a modal motion does not act in it."""
 ARC_WORDS, CYCLE_WORDS = CENTRES + "PR", CENTRES + "KLPQR"
@@ -156,6 +168,8 @@ def motion_words(content: Content, motion: float | None) -> str:
 
 def take_own_words(content: Content, motion: float | None, family: str) -> None:
     """Take the words of M functions out of a block; Refusal for a word that two codes may take."""
+    if family == LINUXCNC:
+        content.g[:] = [IN_MACHINE_FRAME.get(code, code) for code in content.g]
     takers = [(f"G{code:g}", TAKEN_BY_G[code]) for code in content.g if code in TAKEN_BY_G]
     takers += [(f"M{code:g}", TAKEN_BY_M[code]) for code in content.m if code in TAKEN_BY_M]
     if not takers:
@@ -168,7 +182,8 @@ def take_own_words(content: Content, motion: float | None, family: str) -> None:
                 f"{' and '.join(names)} can both use the {address} of this block: write them in two blocks"
             )
     for code in content.m:
-        if code == ORIENTED_STOP or (code in OUTPUTS and family == "linuxcnc"):
+        waits = code == WAIT and family == ANY and "L" in content.other
+        if code == ORIENTED_STOP or waits or (code in OUTPUTS and family in (LINUXCNC, GRBL)):
             for address in content.other.keys() & set(TAKEN_BY_M[code]):
                 content.names[address] = content.other.pop(address)
 

@@ -20,7 +20,9 @@ _SIEMENS = re.compile(
 _VARIABLE = re.compile(r"#\s*[\d<\[#]")
 """Beginning of a variable of FANUC and LinuxCNC."""
 _SUFFIXES = {".h": "heidenhain", ".hnc": "heidenhain", ".klartext": "heidenhain", ".mpf": "siemens", ".spf": "siemens"}
-_COMMENTS = re.compile(r'\([^()]*(?:\)|$)|"[^"]*(?:"|$)|;.*')
+_COMMENTS = re.compile(r'\((?:[^()]|\([^()]*\))*(?:\)|$)|"[^"]*(?:"|$)|;.*')
+_NAME = re.compile(r"\s*(?:(?:O|:)?\s*\d*\s*<[^<>]*>|%(?!_N_).*)", re.IGNORECASE)
+"""The name of a program, at the start of a line: any text."""
 
 
 class Evidence(NamedTuple):
@@ -36,8 +38,11 @@ class Evidence(NamedTuple):
 
 
 def without_comments(line: str) -> str:
-    """A line without comments, and without the contents of parentheses and strings; a Siemens path is no comment."""
-    return line if ";$PATH" in line else _COMMENTS.sub(lambda match: match[0][0] if match[0][0] != ";" else "", line)
+    """A line without the name of a program, comments, and contents of parentheses and strings; a Siemens path stays."""
+    if ";$PATH" in line:
+        return line
+    rest = _NAME.sub("", line, count=1) if _NAME.match(line) else line
+    return _COMMENTS.sub(lambda match: match[0][0] if match[0][0] != ";" else "", rest)
 
 
 def evidence(suffix: str, head: str) -> Evidence:

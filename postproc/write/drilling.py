@@ -1,6 +1,7 @@
 """Holes of canned cycles at their corrected depth; R gets the same correction, so the number of pecks stays.
 
-R stays at the level before the cycle or below it, as in the program: controls differ in the return from above it.
+R stays at the level before the cycle or below it, or above it, as in the program: controls differ in the return from
+above it.
 """
 
 from __future__ import annotations
@@ -69,6 +70,8 @@ class HoleWriter:
         clear = cycle.clear + depth.corrected - depth.nominal
         if cycle.clear <= self._nominal_level:
             clear = min(clear, self._level)
+        elif cycle.to_retract:
+            clear = max(clear, self._level)
         unit, decimals = scale
         corrected = {"R": clear, "depth": depth.corrected}
         incremental = cycle.incremental != cycle.switched

@@ -25,7 +25,7 @@ CHAINS = {
     "7": ("w b X Y Z C B t", "five axes, fork head"),
 }
 """Usual chains by number, each with its machines."""
-FAMILIES = ("any", "fanuc", "linuxcnc")
+FAMILIES = ("any", "fanuc", "linuxcnc", "grbl")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from postproc.control.codes import UNIT_NAMES
 from postproc.control.tool_table import ToolTable, checked, joined
 from postproc.control_data.tool_tables.form import Form
 
-FORMS = tuple(f"{name}_tool_table" for name in ("json", "heidenhain", "siemens", "fanuc", "linuxcnc"))
+FORMS = tuple(f"{name}_tool_table" for name in ("json", "heidenhain", "siemens", "fanuc", "grbl", "linuxcnc"))
 """The modules, tried in this order; each is imported when it is tried."""
 
 __all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]

@@ -22,7 +22,7 @@ PARTS = re.compile(r"([A-Za-z$])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
 _TAPE_MARK = re.compile(r"[ \t\x00]*(%[^\r\n]*)[\r\n]*")
 
 FLOW = re.compile(
-    CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
+    CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>|\[.*\])[ \t]*[A-Z]",
     re.IGNORECASE,
 )
 """Statements after which the next block does not always run."""

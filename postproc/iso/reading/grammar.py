@@ -43,7 +43,7 @@ def parse_block(line: int, text: str) -> Block:
                     skippable = True
                 case "COMMENT" | "OUTPUT":
                     pass
-                case "TAPE_MARK" | "NUMBER" | "bracket" as construct:
+                case "TAPE_MARK" | "COMMAND" | "NUMBER" | "bracket" as construct:
                     kind, detail = construct.lower(), _text_of(text, item)
                 case _:
                     statements += 1

@@ -213,6 +213,12 @@ def _subroutine(parts: list[Any]) -> Step:
     return End(word.removeprefix("END"), key) if word.startswith("END") else Begin(word, key, test)
 
 
+def _computed_call(parts: list[Any]) -> Call:
+    """`o[#5] call [1]` of LinuxCNC: the subprogram of a number."""
+    name, values = Operation("program", (_linuxcnc_value(parts[1]),)), [_linuxcnc_value(part) for part in parts[3:]]
+    return Call(name, tuple(enumerate(values, start=1)))
+
+
 def _key(number: Token) -> str:
     if not number.isdecimal():
         raise Ambiguous(f"{number} is not the number of a loop: write a whole number")
@@ -228,4 +234,5 @@ _STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
     "do": lambda parts: Begin("WHILE", _key(parts[1]), Constant(1.0)),
     "end": lambda parts: End("WHILE", _key(parts[1])),
     "subroutine": _subroutine,
+    "computed_call": _computed_call,
 }
