@@ -21,6 +21,16 @@ from postproc.text.notes import Notes
 from postproc.text.plain_style import PlainStyle
 
 
+def as_they_are(blocks: Sequence[Block], _: Callable[[], set[str]], __: bool) -> list[Block]:
+    """The blocks of a dialect in which each block is complete by itself."""
+    return list(blocks)
+
+
+def without_names(_: str) -> tuple[str, ...]:
+    """No name, for a dialect without calls of other files."""
+    return ()
+
+
 class Dialect(msgspec.Struct, frozen=True):
     """Grammar and meaning of one kind of NC code."""
 
@@ -39,8 +49,15 @@ class Dialect(msgspec.Struct, frozen=True):
     """True for blocks that must stay before all others."""
     own: re.Pattern[str] | None = None
     """Variables for corrections; a program that already uses them cannot be corrected."""
-    link: Callable[[Sequence[Block]], list[Block]] = list
-    """Completes the blocks of a stored program by the parts that depend on the whole program."""
+    link: Callable[[Sequence[Block], Callable[[], set[str]], bool], list[Block]] = as_they_are
+    """Completes the blocks of a file of a stored program by the parts that depend on all of them, on the names of the
+    programs in its folders, and on whether it is called."""
+    names: Callable[[str], Iterable[str]] = without_names
+    """The names by which a program is called, by the name of its file."""
+    end: str = ""
+    """The cure for a called program without an end."""
+    calls_by_name: bool = False
+    """True if the name of a program alone calls it."""
     plain: PlainStyle | None = None
     """Words of plain lines, which are read together; None for a dialect whose lines are read one by one."""
     leads: Callable[[Block], bool] = never
@@ -70,6 +87,7 @@ def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Bl
 def _iso() -> Dialect:
     from postproc.iso import interpreter as iso
     from postproc.iso.reading import blocks as iso_blocks
+    from postproc.iso.reading import calls as iso_calls
     from postproc.iso.reading import lines as iso_lines
 
     return Dialect(
@@ -82,6 +100,8 @@ def _iso() -> Dialect:
         "({})",
         lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),
         begins=lambda block: any(word.address == "O" for word in block.words),
+        names=iso_calls.names,
+        end="write M99 as its last block",
         plain=PlainStyle("FNS", motions="0123", arcs="IJKR"),
     )
 

@@ -21,9 +21,11 @@ from kinematics.user_error import UserError
 from postproc.control.block_skip import decided
 from postproc.control.codes import AXES
 from postproc.control.interpreter import Interpreter
+from postproc.control.setup import Setup
 from postproc.dialects import Dialect
 from postproc.motion.motions import Motions, merged
 from postproc.program_lines import irregular_lines, read_blocks
+from postproc.program_set import CalledFile, ProgramSet, called_files, names_in_text
 from postproc.text.block import Block, Refusal
 from postproc.text.block_values import straight
 from postproc.text.blocks import PlainRun
@@ -82,17 +84,23 @@ def _joined(parts: list[Part]) -> Part:
     )
 
 
-def turns(source: Source, dialect: Dialect) -> bool:
+def turns(source: Source, dialect: Dialect, setup: Setup) -> bool:
     """True for a program with a jump, a loop or a call."""
+    files = called_files(source, dialect, setup)
+    by_name = names_in_text(dialect, files)
     for line, text in irregular_lines(source, dialect):
-        if dialect.flow.search(text):
+        if dialect.flow.search(text) or (by_name is not None and by_name.search(text)):
             try:
-                block = dialect.read_block(line, text)
+                (block,) = dialect.link([dialect.read_block(line, text)], lambda: files.names, False)
             except Refusal:
                 continue
             if block.code is not None and block.code.turns:
                 return True
     return False
+
+
+class Different(Refusal):
+    """A block that runs more than once and needs another text in each run."""
 
 
 class Turns(Exception):
@@ -150,24 +158,32 @@ class StreamedProgram:
         """Remaining blocks and texts at the end."""
         return [], []
 
+    @property
+    def called_names(self) -> list[str]:
+        """The names of the files that it has called so far."""
+        return []
+
+    def called(self) -> Iterator[tuple[CalledFile, Sequence[Block], list[str | PlainText]]]:
+        """The called files, each with its blocks and their texts."""
+        return iter(())
+
 
 @dataclass
 class StoredProgram(StreamedProgram):
     """A program with jumps, loops or calls, stored as a whole and run in the order of execution."""
 
-    blocks: list[Block] = field(init=False, default_factory=list)
+    program_set: ProgramSet = field(init=False)
+    """The program and the files that it has called so far."""
     texts: dict[int, str] = field(init=False, default_factory=dict)
     """Corrected texts of the blocks that ran."""
 
     def parts(self) -> Iterator[Part]:
         """Chunks of blocks in the order of execution."""
         try:
-            lines = self.dialect.join_lines(self.source.lines())
-            blocks = self._decided(self.dialect.read_block(line, text) for line, text in lines)
-            self.blocks = self.dialect.link([block for block in blocks if isinstance(block, Block)])
-            flow = Flow(self.blocks, self.interpreter.scope, self.dialect.labels, self.dialect.begins)
+            self.program_set = files = ProgramSet(self.source, self.dialect, self.interpreter)
+            flow = Flow(files.blocks, self.interpreter.scope, self.dialect.labels, self.dialect.begins, files)
             runs = flow.run(self.interpreter)
-            size = sum(len(block.text) for block in self.blocks)
+            size = sum(len(block.text) for block in files.blocks)
             more = True
             while more:
                 indices: list[int] = []
@@ -203,20 +219,42 @@ class StoredProgram(StreamedProgram):
             first = self.texts.setdefault(index, text)
             if first != text:
                 shown = " and ".join(repr(part.strip()) for part in (first, text))
-                raise self.blocks[index].refuse(
+                block = self.blocks[index]
+                raise Different(
+                    block.line,
+                    block.text,
                     f"this block runs more than once and needs a different correction each time ({shown}); "
-                    "--unroll writes it out"
+                    "--unroll writes it out",
                 )
         return [], []
 
     def rest(self) -> tuple[Sequence[Block], list[str | PlainText]]:
-        """All blocks with their texts; blocks that did not run are unchanged."""
-        return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
+        """All blocks of the program with their texts; blocks that did not run are unchanged."""
+        return self._with_texts(0, self.program_set.main)
+
+    @property
+    def called_names(self) -> list[str]:
+        """The names of the files that it has called so far."""
+        return [file.name for file in self.program_set.called]
+
+    def called(self) -> Iterator[tuple[CalledFile, Sequence[Block], list[str | PlainText]]]:
+        """The called files, each with its blocks and their texts."""
+        for file in self.program_set.called:
+            yield file, *self._with_texts(file.first, file.last)
+
+    def _with_texts(self, first: int, last: int) -> tuple[Sequence[Block], list[str | PlainText]]:
+        blocks = self.blocks[first:last]
+        return blocks, [self.texts.get(i, block.text) for i, block in enumerate(blocks, start=first)]
+
+    @property
+    def blocks(self) -> list[Block]:
+        """The blocks of the program and, behind them, those of the files that it has called so far."""
+        return self.program_set.blocks
 
 
 def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> StreamedProgram:
     """The program, stored if it has a jump, a loop or a call, otherwise streamed."""
-    kind = StoredProgram if turns(source, dialect) else StreamedProgram
+    kind = StoredProgram if turns(source, dialect, interpreter.control_state.setup) else StreamedProgram
     return kind(source, dialect, interpreter)
 
 

@@ -56,6 +56,7 @@ POSTPROC = (
     "postproc.write",
     "postproc.read_ahead",
     "postproc.program_lines",
+    "postproc.program_set",
     "postproc.execution",
     "postproc.program_path",
     "postproc.generate",

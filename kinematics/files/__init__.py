@@ -9,7 +9,7 @@ import io
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -129,12 +129,37 @@ def forget_unpublished() -> None:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A binary file that replaces `path` if the block ends without an error, and leaves no trace otherwise."""
+def whole_file(path: Path, beside: Mapping[Path, bytes] | None = None) -> Iterator[BinaryIO]:
+    """A binary file that replaces `path` if the block ends without an error, and leaves no trace otherwise.
+
+    beside: further files, which the block may name, and which are written with this one or not at all.
+    """
     with closing(Draft(path)) as draft:
         yield draft.file
         draft.complete()
-        draft.publish()
+        with completed(beside or {}) as others:
+            for each in (*others, draft):
+                each.publish()
+
+
+@contextmanager
+def completed(files: Mapping[Path, bytes]) -> Iterator[list[Draft]]:
+    """Files that are complete on the disk and wait for their publication; new folders that remain empty are removed."""
+    with ExitStack() as stack:
+        for folder in sorted({each for path in files for each in path.parents if not each.exists()}):
+            with writing(folder):
+                folder.mkdir(exist_ok=True)
+            stack.callback(_remove_empty, folder)
+        drafts = [stack.enter_context(closing(Draft(path))) for path in files]
+        for draft, data in zip(drafts, files.values(), strict=True):
+            draft.file.write(data)
+            draft.complete()
+        yield drafts
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def write_whole(path: Path, data: bytes) -> None:

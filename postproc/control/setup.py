@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
+from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
 
 import msgspec
 
 from kinematics.error_model.model import ErrorModel
+from kinematics.files.mistaken import missing
 from kinematics.machine import EVERY_OTHER, Machine
 from kinematics.touch_off import Datum, read_datum
 from kinematics.user_error import UserError
@@ -77,6 +79,8 @@ class Setup(Shown, msgspec.Struct, frozen=True):
     """Position of the block-skip switch."""
     pass_through: frozenset[str] = frozenset()
     """Constructs unknown to ncomp that pass unchanged, in capitals without blanks: G234, CYCLE977, FN33, CYCLDEF444."""
+    subprograms: tuple[str, ...] = ()
+    """Folders of programs that a program may call, in addition to its own folder."""
 
     @property
     def headline(self) -> str:
@@ -209,6 +213,7 @@ def make_setup(
     zero: bool = False,
     block_skip: BlockSkip = "",
     pass_through: Iterable[str] = (),
+    subprograms: Iterable[str | Path] = (),
 ) -> Setup:
     """The setup from the options of the command line and a tool table; work offsets are true unless `probed`."""
     table = table or ToolTable()
@@ -226,14 +231,28 @@ def make_setup(
         radii=table.radii,
         datums=table.datums,
         turned=table.turned,
-        without_unit={
-            name: path
-            for name, path in table.without_unit.items()
-            if name.removeprefix("tool ") not in lengths and name.removeprefix("offset ") not in given
-        },
+        without_unit=_without_unit(table, lengths, given),
         obtained=given_once((parse_datum(text, machine) for text in datums), "--datum "),
         probed=probed,
         zero=zero,
         block_skip=block_skip or machine.control.block_skip,
         pass_through=frozenset(map(construct, (*machine.control.pass_through, *pass_through))),
+        subprograms=tuple(map(_folder, subprograms)),
     )
+
+
+def _without_unit(table: ToolTable, lengths: Container[str], offsets: Container[str]) -> dict[str, str]:
+    """Files without a unit, by the tools and offsets of a table that are not given one by one."""
+    return {
+        name: path
+        for name, path in table.without_unit.items()
+        if name.removeprefix("tool ") not in lengths and name.removeprefix("offset ") not in offsets
+    }
+
+
+def _folder(name: str | Path) -> str:
+    """A folder of subprograms; UserError for one that is not there."""
+    if not Path(name).is_dir():
+        why = "this is a file: give its folder" if Path(name).is_file() else f"No such folder{missing(name)}"
+        raise UserError(f"--subprograms {name or repr('')}: {why}")
+    return str(name)

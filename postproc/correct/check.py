@@ -23,10 +23,11 @@ from postproc.dialects import Dialect
 from postproc.execution import turns
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
+from postproc.program_set import ProgramSet
 from postproc.text.block import Block, Refusal
 from postproc.text.block_values import straight
 from postproc.text.flow import Flow
-from postproc.text.line_numbers import ranges
+from postproc.text.line_numbers import place, ranges, shown
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source, chunks
 from rendering.report import Report, Section, Table, shortened
@@ -97,7 +98,7 @@ class Findings(Shown):
             "machine_coordinate_lines": ranges(self.machine),
             "repeated_lines": ranges(self.repeated),
             "not_run_lines": ranges(self.not_run),
-            "refused": [{"line": line, "text": text, "reason": reason} for line, text, reason in self.refused],
+            "refused": [{**_place(line), "text": text, "reason": reason} for line, text, reason in self.refused],
             "assumed": self.assumed,
             "notes": self.notes,
         }
@@ -121,7 +122,7 @@ class Findings(Shown):
         for line, text, reason in sorted(self.refused, key=lambda refused: refused[0]):
             same.setdefault(reason, []).append((line, text))
         refused = [
-            f"line {line}: {text!r}: {reason}{_also([line for line, _ in others])}"
+            f"line {shown(line)}: {text!r}: {reason}{_also([line for line, _ in others])}"
             for reason, ((line, text), *others) in same.items()
         ]
         rows += [("refused", text) for text in shortened(refused, LISTED, "refused blocks, all in the file of --json")]
@@ -178,7 +179,7 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
         else:
             note_outside(motions, motions.machine_target, notes)
 
-    if turns(source, dialect):
+    if turns(source, dialect, setup):
         _run(source, dialect, interpreter, findings, take)
     else:
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
@@ -189,6 +190,12 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
     findings.notes = notes.texts() + state.left_out() + state.short_tools()
     findings.assumed, findings.assumption = list(state.assumed), state.assumption()
     return findings
+
+
+def _place(line: int) -> dict[str, Any]:
+    """The line of a refusal, with the called file that it is in."""
+    file, number = place(line)
+    return {"line": number, "file": file} if file else {"line": number}
 
 
 def _also(lines: list[int]) -> str:
@@ -245,8 +252,9 @@ def _run(
         return
     done: list[Block] = []
     try:
-        blocks = dialect.link(blocks)
-        flow = Flow(blocks, interpreter.scope, dialect.labels, dialect.begins)
+        files = ProgramSet(source, dialect, interpreter, blocks)
+        blocks = files.blocks
+        flow = Flow(blocks, interpreter.scope, dialect.labels, dialect.begins, files)
         running = (block for _, block in flow.run(interpreter))
         take(interpreter.read(_noted(running, done)))
     except Refusal as refusal:

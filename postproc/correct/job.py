@@ -40,3 +40,5 @@ class Job(msgspec.Struct, frozen=True):
     """True if moves outside the range of the calibration stay as programmed."""
     unroll: bool = False
     """True if loops and calls are written out."""
+    beside: bool = False
+    """True if the files of called programs are corrected as files; otherwise their blocks are written out."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterable, Sequence
+from pathlib import PurePath
 from typing import IO, NamedTuple
 
 from kinematics.error_model.model import ErrorModel
@@ -55,13 +56,31 @@ def mark_of(model: ErrorModel, state: ControlState) -> Mark:
     return Mark(model.id.upper(), _short(_setup_lines(state)), _short(_datum_lines(state)))
 
 
-def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, accepted: Iterable[str] = ()) -> str:
-    """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it."""
+def mark_line(
+    dialect: Dialect,
+    machine: Machine,
+    mark: Mark,
+    source: Source,
+    accepted: Iterable[str] = (),
+    caller: Source | None = None,
+) -> str:
+    """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it.
+
+    caller: the main program of a called one.
+    """
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
     text = f"NCOMP {VERSION} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
     named = "".join(f" {word} {value}" for word, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
     names = ",".join(sorted(accepted)).upper()
-    return dialect.comment.format(text + named + (f" ACCEPTED {names}" if names else "")) + source.line_end
+    return (
+        dialect.comment.format(text + named + (f" ACCEPTED {names}" if names else "") + called_by(caller))
+        + source.line_end
+    )
+
+
+def called_by(caller: Source | None) -> str:
+    """The end of the mark of a called program; empty for a main program."""
+    return "" if caller is None else f" CALLED BY {_PLAIN.sub('_', PurePath(caller.name).name.upper())}"
 
 
 def mark_in(text: str) -> Mark | None:

@@ -8,15 +8,19 @@ to part; memory does not grow with the program.
 
 from __future__ import annotations
 
+import io
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
+
+from msgspec.structs import replace
 
 from kinematics.running.memory import keep_freed_memory
 from kinematics.running.progress import Unseen
 from kinematics.user_error import UserError
 from postproc.correct.job import Job
+from postproc.correct.mark import refuse_marked
 from postproc.correct.result import CorrectionResult
 from postproc.correct.steps.checks import Checks
 from postproc.correct.steps.correction import Models, PartCorrection
@@ -24,9 +28,20 @@ from postproc.correct.steps.counts import Counts
 from postproc.correct.steps.output import Output
 from postproc.evaluation.evaluation import Evaluated, Evaluation
 from postproc.evaluation.trace import Trace
-from postproc.execution import Part, StoredProgram, StreamedProgram, Turns, joined_before_rotary_moves, turns
+from postproc.execution import (
+    Different,
+    Part,
+    StoredProgram,
+    StreamedProgram,
+    Turns,
+    joined_before_rotary_moves,
+    turns,
+)
+from postproc.program_set import CalledFile
 from postproc.text.block import Block, Refusal
+from postproc.text.line_numbers import shown
 from postproc.text.notes import Notes
+from postproc.text.source import Source
 from postproc.write.plain_texts import PlainText, unchanged
 from postproc.write.writer import Writer
 
@@ -37,6 +52,19 @@ LARGE = 1 << 22
 """Size of a program, bytes, from which a second process is worth its start."""
 SPOOLED = 1 << 24
 """Bytes of a corrected program that are kept in memory until its mark is known."""
+
+
+class WritingOut(Exception):
+    """The reason why the calls of other files are written out."""
+
+
+class CorrectedFile(NamedTuple):
+    """The file of a called program, corrected."""
+
+    name: str
+    """Its path from the folder of the output, with slashes."""
+    source: Source
+    data: bytes
 
 
 class Pipeline:
@@ -63,6 +91,9 @@ class Pipeline:
         )
         self.trace: Trace | None = None
         """Record for figures, once the program has run; None if not requested."""
+        self.called: list[CorrectedFile] = []
+        """The files of called programs, once the program has run."""
+        self._called_files: list[tuple[CalledFile, Sequence[Block], list[str | PlainText]]] = []
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> CorrectionResult:
         """Write the corrected program to `out`; `progress` gets the number of bytes read since its last call.
@@ -71,19 +102,27 @@ class Pipeline:
         again as a stored one. UserError, located in the program, for a block that cannot be corrected; discard `out`
         then.
         """
-        if self._stored:
-            return self._run(out, progress)
         seen = Unseen(progress)
         try:
             return self._run(out, seen)
         except Turns:
             pass
         except UserError:
-            if not turns(self._job.source, self._job.dialect):
+            if not turns(self._job.source, self._job.dialect, self._job.setup):
                 raise
-        stored = Pipeline(self._job, traced=self._traced, processes=self._processes, stored=True)
-        result = stored.run(out, seen.again())
-        self.trace = stored.trace
+        return self._again(self._job, out, seen)
+
+    def _again(self, job: Job, out: BinaryIO, seen: Unseen) -> CorrectionResult:
+        """Correct the program as a stored one."""
+        stored = Pipeline(job, traced=self._traced, processes=self._processes, stored=True)
+        try:
+            result = stored._run(out, seen.again())
+        except WritingOut as reason:
+            result = self._again(replace(job, unroll=True), out, seen)
+            result.notes.insert(0, str(reason))
+        else:
+            self.trace, self.called = stored.trace, stored.called
+            result.add_called([file.name for file in self.called])
         return result
 
     def _run(self, out: BinaryIO, progress: Callable[[int], None]) -> CorrectionResult:
@@ -96,6 +135,7 @@ class Pipeline:
             output = Output(job, lines, marked=bool(self._models.evaluated.effects))
             evaluated = self._correct_all(output, progress)
             checks.whole(evaluated, outside)
+            self.called = [self._corrected_file(*each) for each in self._called_files]
             output.finish(self._state, checks.accepted, out)
         self.trace = evaluated.trace
         return self._counts.finish(evaluated, outside, checks.accepted, self._state)
@@ -134,9 +174,11 @@ class Pipeline:
             try:
                 try:
                     for part in joined_before_rotary_moves(program.in_context()):
+                        self._refuse_called(program)
                         self._put(output, *program.finished(part, self._corrected(part, evaluation)))
                         progress(part.size)
                     self._put(output, *program.rest())
+                    self._called_files = list(program.called())
                     # while the evaluation takes its last moves
                     self._counts.read(program.source.name, job.source.hash)
                 except UserError:
@@ -144,6 +186,9 @@ class Pipeline:
                     raise
                 evaluation.settle()
             except Refusal as refusal:
+                if isinstance(refusal, Different) and program.called_names:
+                    where = f"{shown(refusal.line)} needs a different correction each time"
+                    raise WritingOut(f"{_written_out(program.called_names)}, because {where}") from None
                 raise refusal.located(program.source.name, job.dialect.evidence) from None
             return evaluation.finish()
 
@@ -158,6 +203,26 @@ class Pipeline:
             interpreter = job.dialect.interpreter(job.machine, job.setup, Notes())
             return unrolled(StoredProgram(job.source, job.dialect, interpreter), self._interpreter)
         return StoredProgram(job.source, job.dialect, self._interpreter)
+
+    def _refuse_called(self, program: StreamedProgram) -> None:
+        """WritingOut if the program has called other files, and these cannot be corrected as files."""
+        names = program.called_names
+        if names and not self._job.beside:
+            raise WritingOut(f"{_written_out(names)}: the output is one program")
+
+    def _corrected_file(
+        self, file: CalledFile, blocks: Sequence[Block], texts: Sequence[str | PlainText]
+    ) -> CorrectedFile:
+        """The file of a called program, corrected; one without a change stays as it is, without a mark."""
+        job, marked = replace(self._job, source=file.source), bool(self._models.evaluated.effects)
+        if marked:
+            refuse_marked(blocks, job.dialect, Notes(), force=job.force)
+        changed = any(text != block.text for text, block in zip(texts, blocks, strict=True))
+        with tempfile.SpooledTemporaryFile(SPOOLED) as lines:
+            output, out = Output(job, lines, marked=marked and changed), io.BytesIO()
+            self._put(output, blocks, texts)
+            output.finish(self._state, self._checks.accepted, out, self._job.source)
+        return CorrectedFile(file.name, file.source, out.getvalue())
 
     def _put(self, output: Output, blocks: Sequence[Block], texts: Sequence[str | PlainText]) -> None:
         """Write corrected blocks, and count them."""
@@ -176,3 +241,7 @@ class Pipeline:
         evaluation.add(moves)
         self._counts.corrected(corrected, moves, written.added, limit_um)
         return written.texts
+
+
+def _written_out(names: Sequence[str]) -> str:
+    return f"the calls of {', '.join(names)} are written out in the program"

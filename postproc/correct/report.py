@@ -15,6 +15,7 @@ from postproc.control.tool_table import shown_tool
 from postproc.correct.result import CorrectionResult
 from postproc.evaluation.predicted_errors import Statistic
 from postproc.text.line_numbers import ranges, shortened
+from postproc.text.line_numbers import shown as line_text
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
@@ -179,5 +180,7 @@ def _figures(trace: Trace, error: str) -> Iterator[Section]:
 
 
 def _worst_table(trace: Trace, ends: Sequence[MoveEnd]) -> Table:
-    rows = [(str(p.line), f"{p.before:.2f}", f"{p.after:.2f}", *(f"{value:.3f}" for value in p.target)) for p in ends]
+    rows = [
+        (line_text(p.line), f"{p.before:.2f}", f"{p.after:.2f}", *(f"{value:.3f}" for value in p.target)) for p in ends
+    ]
     return Table(("line", "before, um", "after, um", *trace.machine.names), rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -65,6 +66,12 @@ class CorrectionResult(Shown, PredictedErrors, kw_only=True):
     """Notes for the user."""
     unused: list[Unused] = msgspec.field(default_factory=list)
     """Parts of the set-up that were given and not used."""
+
+    def add_called(self, names: Sequence[str]) -> None:
+        """Add the names of the files of called programs that are corrected as files."""
+        if names:
+            self.program["called"] = list(names)
+            self.notes.insert(0, f"called programs, corrected in files beside the program: {', '.join(names)}")
 
     @property
     def headline(self) -> str:

@@ -5,9 +5,11 @@ The written text is a program of its own. It is interpreted once, during its cor
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 
 import msgspec
 import numpy as np
@@ -22,6 +24,7 @@ from postproc.siemens.variables import EMPTY
 from postproc.text.block import Block, Edit, Refusal, Word, edited
 from postproc.text.blocks import Blocks
 from postproc.text.expressions import Constant
+from postproc.text.line_numbers import place
 from postproc.text.source import ENCODING, HEAD_SIZE
 from postproc.text.statements import Return
 
@@ -33,6 +36,8 @@ UNSIGNED = frozenset("FST")
 """Klartext words without a sign."""
 SUBPROGRAM_END = 17.0
 ENDS = frozenset((*PROGRAM_ENDS, SUBPROGRAM_END))
+_PLAIN = re.compile(r"[^A-Z0-9_.-]")
+"""Characters of the name of a file that not all controls read in a comment."""
 CLOSING = frozenset(("tape_mark", "end_pgm"))
 """Kinds of blocks after the end of the program that close the file."""
 
@@ -48,7 +53,7 @@ def unrolled(program: StoredProgram, interpreter: Interpreter) -> UnrolledProgra
     data = (source.mark + "".join(lines)).encode(ENCODING)
     head = data[:HEAD_SIZE].decode(ENCODING)
     text = msgspec.structs.replace(source, name=f"{source.name} (unrolled)", head=head, data=data, origin=source.hash)
-    if turns(text, program.dialect):
+    if turns(text, program.dialect, program.interpreter.control_state.setup):
         raise UserError(f"{text.name}: a jump, a loop or a call could not be written out")
     return UnrolledProgram(text, program.dialect, interpreter, merged(moves))
 
@@ -88,12 +93,15 @@ def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[str]:
         except Refusal as refusal:
             raise refusal.located(program.source.name, program.dialect.evidence) from None
         if index != before + 1:
-            comment = program.dialect.comment.format(f"LINE {block.line}, PASS {iterations[index]}")
+            file, number = place(block.line)
+            named = f"{_PLAIN.sub('_', PurePath(file).name.upper())} " if file else ""
+            comment = program.dialect.comment.format(f"{named}LINE {number}, PASS {iterations[index]}")
         before = index
         if line is not None:
             yield from (comment, line) if comment else (line,)
             comment = ""
-    for index in range(max(iterations, default=-1) + 1, len(program.blocks)):
+    main = program.program_set.main
+    for index in range(max((i for i in iterations if i < main), default=-1) + 1, main):
         if program.blocks[index].kind in CLOSING:
             yield program.blocks[index].text
 

@@ -19,6 +19,8 @@ from kinematics.files.mistaken import missing
 from kinematics.running.workers import Team
 from kinematics.user_error import UserError
 from postproc.correct.mark import mark_in_program
+from postproc.folders.called import files_beside
+from postproc.text.calls.called_files import SUFFIXES
 from postproc.text.source import ENCODING, Source, open_source, text_source
 
 if TYPE_CHECKING:
@@ -27,11 +29,6 @@ if TYPE_CHECKING:
     from postproc.folders.own_set_up import OwnSetUp
     from postproc.interface.programs import Corrected
 
-SUFFIXES = (
-    *(".nc", ".ngc", ".cnc", ".tap", ".gcode", ".gc", ".g", ".eia", ".iso", ".min", ".din", ".ptp"),
-    *(".mpf", ".spf", ".h", ".hnc", ".klartext"),
-)
-"""Suffixes of NC programs, in lower case."""
 State = Literal["corrected", "unchanged", "already corrected", "refused", "failed"]
 REFUSED: tuple[State, ...] = ("already corrected", "refused", "failed")
 """States of programs without an output."""
@@ -224,8 +221,15 @@ def correct_file(
     correction: Correction, program: FolderProgram, after: Callable[[Corrected], None] = lambda _: None
 ) -> Outcome:
     """Correct a program into its file, which is written whole or not at all; `after` is called before it is written."""
-    opened = partial(open_source, str(program.path))
-    return _outcome(correction, program, opened, whole_file(program.target), after)
+    opened, beside = partial(open_source, str(program.path)), dict[Path, bytes]()
+
+    def called(done: Corrected) -> None:
+        """Name the files of called programs, which are written with the program."""
+        beside.update(files_beside(program.target, done))
+        after(done)
+
+    as_files = partial(correction, beside=True)
+    return _outcome(as_files, program, opened, whole_file(program.target, beside), called)
 
 
 def correct_text(correction: Correction, program: FolderProgram, data: bytes) -> tuple[Outcome, bytes]:

@@ -95,7 +95,7 @@ def _label(token: Token) -> str:
 def _label_call(parts: list[Any]) -> Step:
     name = _label(parts[1])
     if len(parts) < 4:
-        return Call(name, None)
+        return Call(name, None, local=True)
     passes = parts[3]
     if "Q" in passes.upper():
         return Rerun(name, "", Operation(REPEATS, (parameter(passes),)))

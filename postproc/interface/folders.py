@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from postproc.folders.summary import Summary
     from postproc.interface.request import Request
 
-OF_ONE = ("output", "traced", "one_of_several")
+OF_ONE = ("output", "traced", "one_of_several", "beside")
 """Arguments of `correct` that several programs cannot share."""
 
 

@@ -42,6 +42,7 @@ class _Content(msgspec.Struct, forbid_unknown_fields=True):
     set_up_zero: bool = False
     block_skip: Literal["on", "off"] | None = None
     pass_through: tuple[str, ...] = ()
+    subprograms: tuple[str, ...] = ()
     work_offsets: Offsets = {}
     tools: dict[str, Any] = {}
     conditions: dict[str, Any] = {}
@@ -243,6 +244,7 @@ class _Reader:
             "zero": content.set_up_zero,
             "block_skip": content.block_skip,
             "pass_through": content.pass_through,
+            "subprograms": tuple(self._here(name) for name in content.subprograms),
         }
 
     def _programs(self) -> Iterator[FolderProgram]:

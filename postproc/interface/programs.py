@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from postproc.control.setup import Setup
     from postproc.correct.check import Findings
     from postproc.correct.job import Job
+    from postproc.correct.pipeline import CorrectedFile
     from postproc.correct.result import CorrectionResult
     from postproc.evaluation.trace import Trace
     from postproc.motion.motions import Motions
@@ -45,14 +46,16 @@ def set_up(
     zero: bool = False,
     block_skip: Literal["on", "off"] | None = None,
     pass_through: Iterable[str] = (),
+    subprograms: Iterable[str | Path] = (),
 ) -> Setup:
     """The work offsets, mm and degrees, and the tool lengths, mm, of the control when a program starts.
 
     work_offset: `G54=x,y,z`, or by name: `{"G54": (-30, -20, 150)}`, `{"G54": {"X": -30, "C": 90}}`; tool_length:
     `T1=mm` or `{"T1": 80}`; tool_table: tables of a control; table_unit: unit of the lengths in tables that do not
-    state it, `mm` or `inch`, by default that of the machine file, or mm; datum: how an offset was obtained,
+    state it, by default that of the machine file, or mm; datum: how an offset was obtained,
     `G54=probed` (the default) or `G54=true`; zero: offsets and lengths that are not given are zero; block_skip: `on`,
-    blocks with a slash do not run, or `off`; pass_through: constructs unknown to ncomp that pass unchanged (`G234`).
+    blocks with a slash do not run, or `off`; pass_through: constructs unknown to ncomp that pass unchanged (`G234`);
+    subprograms: folders of programs that a program may call, in addition to its own folder.
 
     UserError for an axis that the machine does not have, a value that is no number, and a table that cannot be read.
 
@@ -65,7 +68,6 @@ def set_up(
 
     found = load_machine(machine)
     tables = read_tool_tables([Path(path) for path in tool_table], table_unit or found.control.unit)
-    passing = [name for text in pass_through for name in text.split(",") if name.strip()]
     return make_setup(
         found,
         texts(work_offset),
@@ -75,7 +77,8 @@ def set_up(
         probed=True,
         zero=zero,
         block_skip=block_skip or "",
-        pass_through=passing,
+        pass_through=[name for text in pass_through for name in text.split(",") if name.strip()],
+        subprograms=subprograms,
     )
 
 
@@ -107,6 +110,8 @@ class Corrected(Shown, msgspec.Struct, frozen=True, dict=True):
     """Program, machine, calibration and set-up of the correction."""
     trace: Trace | None = None
     """The moves and their errors before and after, for figures; None unless `traced` is set."""
+    called: tuple[CorrectedFile, ...] = ()
+    """The corrected files of called programs, to be written into the folder of the program: name and bytes."""
 
     @property
     def headline(self) -> str:
@@ -151,6 +156,7 @@ def correct(
     traced: bool = False,
     jobs: Annotated[int, 1, None] = 1,
     one_of_several: bool = False,
+    beside: bool = False,
 ) -> Corrected:
     """Correct a program: each block ends at its nominal position, by the machine's error model.
 
@@ -163,6 +169,8 @@ def correct(
     script that sets it must guard its main part by `if __name__ == "__main__"`, because a new process reads the
     script. one_of_several: the set-up is that of several programs, and this one may leave a part of it unused;
     otherwise a work offset or tool length without effect is refused where the program uses others that are not given.
+    beside: the files of called programs are corrected as files, `called` of the result, if all calls of a block need
+    the same correction; otherwise they are written out into the program.
 
     UserError, with file and line, for a construct that is not fully understood; discard `output` then.
 
@@ -203,13 +211,14 @@ def correct(
         rotary_feed=rotary_feed or found.control.rotary_feed,
         leave_outside=outside == "leave",
         unroll=unroll,
+        beside=beside,
     )
     pipeline = Pipeline(job, traced=traced, processes=jobs)
     file = io.BytesIO()
     report = pipeline.run(output or file, progress)
     if not one_of_several:
         refuse_without_effect(report.unused)
-    return Corrected(file.getvalue().decode(ENCODING), report, job, pipeline.trace)
+    return Corrected(file.getvalue().decode(ENCODING), report, job, pipeline.trace, tuple(pipeline.called))
 
 
 @public

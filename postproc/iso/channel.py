@@ -30,6 +30,7 @@ from postproc.iso.variables import IsoVariables
 from postproc.motion.moves import Kind
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
+from postproc.text.line_numbers import shown
 
 INTEGERS = "coordinates without decimal point are taken in mm, inches or degrees, not in increments"
 SHORT_RADIUS_MM = {LINUXCNC: 0.00127, GRBL: 1e-9}
@@ -145,8 +146,8 @@ class Channel(channel.Channel):
         name = self.machine.names[axis]
         self.control_state.taken.setdefault(
             f"turns of {name}",
-            f"{name}{number:g} in line {line} is taken as a position, and its sign not as a direction: state this by "
-            f'rollover under [axes.{name}] in the machine file ("as-written", "signed" or "shortest").',
+            f"{name}{number:g} in line {shown(line)} is taken as a position, and its sign not as a direction: state "
+            f'this by rollover under [axes.{name}] in the machine file ("as-written", "signed" or "shortest").',
         )
 
     def number(self, block: Block, index: int, unit: float) -> float:

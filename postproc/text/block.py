@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from kinematics.user_error import UserError
 from postproc.text.expressions import Expression, Formula
+from postproc.text.line_numbers import place
 from postproc.text.statements import Code
 
 _DIALECT = re.compile("is not (understood|known|complete)|controls differ")
@@ -24,12 +25,13 @@ class Refusal(UserError):
         self.reason = reason
 
     def located(self, file: str, read_as: str = "") -> UserError:
-        """The message a user sees; `read_as`: the dialect, and why."""
+        """The message a user sees; `file`: that of the main program; `read_as`: the dialect, and why."""
+        called, line = place(self.line)
         text = readable(self.text)
         shown = text if len(text) <= 80 else text[:77] + "..."
         guessed = "because no line" in read_as  # of interest where the dialect can be the cause
         behind = f" ({read_as})" if read_as and (not guessed or _DIALECT.search(self.reason)) else ""
-        return UserError(f"{file}:{self.line}: {shown!r}: {self.reason}{behind}")
+        return UserError(f"{called or file}:{line}: {shown!r}: {self.reason}{behind}")
 
 
 def readable(text: str) -> str:
@@ -65,7 +67,7 @@ class Block(NamedTuple):
     """One NC block, a line or several joined by continuation marks."""
 
     line: int
-    """Number of its first line in the file, from 1."""
+    """Number of its first line in the file, from 1; in a called file as of `line_numbers`."""
     text: str
     """With its end of line; joining the texts of all blocks gives the file."""
     kind: str

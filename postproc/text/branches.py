@@ -27,7 +27,8 @@ class StructureSteps:
     ) -> None:
         """`remaining` gives, by the block that opens a loop, the number of its remaining iterations in the present
         subprogram; `leave` ends the subprogram."""
-        self.structures, self.scope, self.remaining, self.leave = find_structures(blocks), scope, remaining, leave
+        self.blocks, self.structures = blocks, find_structures(blocks)
+        self.scope, self.remaining, self.leave = scope, remaining, leave
         self.after_break = False
         """A WHILE with a break in it has ended, and no DO since."""
         self.after_continue = False
@@ -39,6 +40,10 @@ class StructureSteps:
             Leave: self._leave_loop,
             Again: self._next_iteration,
         }
+
+    def extend(self, first: int) -> None:
+        """Take the blocks of a further file, from `first` on."""
+        find_structures(self.blocks, first, self.structures)
 
     def _begin(self, at: int, block: Block, __: Begin) -> int | None:
         step = cast(Begin, self.structures.steps.get(at))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 
 import msgspec
@@ -26,11 +27,11 @@ class Structures(msgspec.Struct):
     """Blocks that open a loop that contains a Leave of this loop."""
 
 
-def find_structures(blocks: Sequence[Block]) -> Structures:
-    """Pair the blocks; Refusal for one without its partner."""
-    found = Structures()
+def find_structures(blocks: Sequence[Block], first: int = 0, found: Structures | None = None) -> Structures:
+    """Pair the blocks from `first` on, in addition to those that are found; Refusal for one without its partner."""
+    found = found or Structures()
     open_: list[list[int]] = []
-    for i, block in enumerate(blocks):
+    for i, block in enumerate(itertools.islice(blocks, first, None), start=first):
         if block.code is None:
             continue
         for step in _inner(block.code.before + block.code.after):

@@ -37,6 +37,11 @@ class Evidence(NamedTuple):
         return f"read as {TITLES[self.dialect]} because {self.reason}; {OVERRIDE}"
 
 
+def definite(found: Evidence) -> bool:
+    """True if a line or the name of the file shows the dialect."""
+    return not found.reason.startswith("no line")
+
+
 def without_comments(line: str) -> str:
     """A line without the name of a program, comments, and contents of parentheses and strings; a Siemens path stays."""
     if ";$PATH" in line:

@@ -7,7 +7,7 @@ a whole and followed in the order of execution; every block comes as often as it
 from __future__ import annotations
 
 import copy
-import itertools
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol, cast
 
@@ -16,6 +16,7 @@ import msgspec
 from postproc.text.block import Block
 from postproc.text.block_values import with_values
 from postproc.text.branches import StructureSteps
+from postproc.text.calls.listing import Files, Listing, OneFile
 from postproc.text.expressions import Expression, NotKnown, Scope, Value, evaluate, number, whole
 from postproc.text.statements import (
     Call,
@@ -33,6 +34,8 @@ from postproc.text.statements import (
 
 LONGEST = 2_000_000
 """Blocks that a program may run."""
+MAIN = sys.maxsize - 1
+"""The place of the call of the main program, behind all blocks."""
 DEEPEST = 100
 """Subprograms in subprograms."""
 
@@ -138,22 +141,20 @@ class Flow:
         scope: Variables,
         labels: Callable[[Block], Iterable[str]],
         begins: Callable[[Block], bool] = never,
+        files: Files | None = None,
     ) -> None:
+        """`begins`: true for the first block of a program; files: those of called programs, which add their blocks."""
         self.blocks, self.scope = blocks, scope
-        self.programs = list(itertools.accumulate(map(begins, blocks)))
-        """For every block the program of the file to which it belongs."""
-        self.labels: dict[str, list[int]] = {}
-        for i, block in enumerate(blocks):
-            for label in labels(block):
-                self.labels.setdefault(label, []).append(i)
-        self.frames = [_Frame(len(blocks), 0, -1, 0, None, None)]
+        structures = StructureSteps(blocks, scope, lambda: self.frames[-1].loops, self._leave)
+        self.listing = Listing(blocks, labels, begins, files or OneFile(), structures.extend)
+        self.frames = [_Frame(MAIN, 0, -1, 0, None, None)]
         self.modals: list[_Called] = []
         """Calls that run behind moves, in the order of their G66."""
         self._turns: dict[type, Callable[[int, Block, Any], int | None]] = {
             Jump: self._jump,
             When: self._when,
             Select: self._select,
-            **StructureSteps(blocks, scope, lambda: self.frames[-1].loops, self._leave).turns,
+            **structures.turns,
             Call: self._call,
             Return: self._return,
             Modal: self._modal,
@@ -169,7 +170,7 @@ class Flow:
     def run(self, reader: Reader) -> Iterator[tuple[int, Block]]:
         """Blocks in the order in which they run, with their indices; each is read before the next is taken."""
         at, ran = 0, 0
-        while at < len(self.blocks):
+        while not self.listing.at_end(at):
             block = self.blocks[at]
             ran += 1
             if ran > LONGEST:
@@ -244,7 +245,7 @@ class Flow:
 
     def _jump(self, at: int, block: Block, step: Jump) -> int | None:
         name = self._name(step.label)
-        blocks = self._labelled(name, at)
+        blocks = self.listing.labelled(name, at)
         if len(step.directions) > 1 and len(blocks) > 1:
             raise block.refuse(f"{len(blocks)} blocks have the label {name}: write it once")
         later, earlier = [i for i in blocks if i > at], [i for i in blocks if i <= at]
@@ -260,10 +261,6 @@ class Flow:
         self._jumped = True
         return target
 
-    def _labelled(self, name: str, at: int) -> list[int]:
-        """The blocks of a label in the program that a block belongs to."""
-        return [i for i in self.labels.get(name, []) if self.programs[i] == self.programs[at]]
-
     def _name(self, label: str | Expression) -> str:
         value = label if isinstance(label, str) else evaluate(label, self.scope)
         return value if isinstance(value, str) else f"{value:.10g}"
@@ -273,25 +270,22 @@ class Flow:
             raise block.refuse(
                 "not all controls run the modal macro after the moves of this macro: end the modal call before it"
             )
-        return self._enter(at, block, self._called(block, step))
+        return self._enter(at, block, self._called(at, step))
 
-    def _called(self, block: Block, step: Call) -> _Called:
-        name = self._name(step.name)
-        blocks = self.labels.get(name, [])
-        if len(blocks) != 1:
-            raise block.refuse(
-                f"the file has {len(blocks) or 'no'} subprogram{'s' * bool(blocks)} {name}: write it into the file once"
-            )
+    def _called(self, at: int, step: Call) -> _Called:
+        first = self.listing.first_block(self._name(step.name), at, local=step.local, begun=step.begun)
         arguments: dict[int, Value | NotKnown] | None = None
         if step.arguments is not None:
             arguments = {number_: self._argument(expression) for number_, expression in step.arguments}
         times = 1 if step.times is None else whole(step.times, self.scope)
-        return _Called(blocks[0] + 1, times, arguments, len(self.frames))
+        return _Called(first, times, arguments, len(self.frames))
 
     def _enter(self, at: int, block: Block, called: _Called) -> int | None:
         """Begin the subprogram; one that runs behind a move has the modal calls before its own."""
         if called.times < 1:
             return None
+        if self.listing.several and any(each.called and each.called.first == called.first for each in self.frames):
+            raise block.refuse("the subprogram calls itself, perhaps through another one: end the recursion")
         if len(self.frames) > DEEPEST:
             raise block.refuse(f"the subprograms call each other more than {DEEPEST} deep: end the recursion")
         modals = self.modals.index(called) if called in self.modals else self.frames[-1].modals
@@ -350,10 +344,10 @@ class Flow:
         held = len(self.modals) if modals is None else modals
         return self.modals[held - 1] if held else None
 
-    def _modal(self, _: int, block: Block, step: Modal) -> None:
+    def _modal(self, at: int, block: Block, step: Modal) -> None:
         if self.frames[-1].modals is not None:
             raise block.refuse("G66 in a modal macro is not corrected: call the second macro by G65")
-        self.modals.append(self._called(block, step.call))
+        self.modals.append(self._called(at, step.call))
 
     def _end_modal(self, _: int, block: Block, __: EndModal) -> None:
         if not self.modals:
@@ -366,12 +360,12 @@ class Flow:
         times = 1 if step.times is None else whole(step.times, self.scope)
         if times < 1:
             return None
-        firsts = self._labelled(step.first, at)
-        if len(firsts) != 1 or (firsts[0] >= at and not step.last) or "ENDLABEL" in self.labels:
+        firsts = self.listing.labelled(step.first, at)
+        if len(firsts) != 1 or (firsts[0] >= at and not step.last) or self.listing.has_label("ENDLABEL"):
             raise block.refuse(f"the repetition needs exactly one label {step.first} before it")
         last = at - 1
         if step.last:
-            lasts = self._labelled(step.last, at)
+            lasts = self.listing.labelled(step.last, at)
             if len(lasts) != 1 or lasts[0] < firsts[0]:
                 raise block.refuse(f"the repetition needs exactly one label {step.last} after {step.first}")
             last = lasts[0]

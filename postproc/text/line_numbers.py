@@ -1,22 +1,45 @@
-"""Numbers of lines in few words."""
+"""Numbers of lines, of several files if a program calls others, and lists of them in few words."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import PurePath
 
 LONGEST = 120
 """Characters of a list of lines that a person reads."""
+FILE = 1 << 40
+"""A line of the main program has its own number; those of the n-th called file are counted from n times FILE."""
+_FILES = [""]
+"""Names of the called files that this process has met."""
+
+
+def first_line(file: str) -> int:
+    """The number to add to the numbers of the lines of a called file; 0 for the main program, which has no name."""
+    if file not in _FILES:
+        _FILES.append(file)
+    return _FILES.index(file) * FILE
+
+
+def place(line: int) -> tuple[str, int]:
+    """The called file of a line, empty for the main program, and the number of the line in it."""
+    return _FILES[line // FILE], line % FILE
+
+
+def shown(line: int) -> str:
+    """A line in words: `5`, `O1000.nc:5` in a called file."""
+    file, number = place(line)
+    return f"{PurePath(file).name}:{number}" if file else f"{number}"
 
 
 def ranges(lines: Iterable[int]) -> str:
-    """Lines in few words: `3, 5-9`."""
+    """Lines in few words: `3, 5-9`, `O1000.nc:4-6` in a called file."""
     found: list[list[int]] = []
     for line in sorted(set(lines)):
         if found and line == found[-1][1] + 1:
             found[-1][1] = line
         else:
             found.append([line, line])
-    return ", ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in found)
+    return ", ".join(shown(first) if first == last else f"{shown(first)}-{place(last)[1]}" for first, last in found)
 
 
 def shortened(text: str) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from postproc.text.line_numbers import shown
+
 
 class Notes(msgspec.Struct):
     """Collects notes for the user of conditions that do not stop the run."""
@@ -19,6 +21,6 @@ class Notes(msgspec.Struct):
     def texts(self) -> list[str]:
         """Each note with its first line and count, in the order of lines."""
         return [
-            f"{text} (line {line}{f', {self.count[text]} times' if self.count[text] > 1 else ''})"
+            f"{text} (line {shown(line)}{f', {self.count[text]} times' if self.count[text] > 1 else ''})"
             for line, text in sorted((line, text) for text, line in self.first.items())
         ]

@@ -83,6 +83,11 @@ class Source(msgspec.Struct, frozen=True, dict=True):
             raise UserError(f"program {self.name}: {fault.strerror or fault}") from None
 
     @property
+    def folder(self) -> Path | None:
+        """The folder of the file; None for a text, and for a program from a pipe."""
+        return Path(self.name).parent if self.data is None else None
+
+    @property
     def mark(self) -> str:
         """The byte order mark before the first line, if any."""
         return BYTE_ORDER_MARK if self.head.startswith(BYTE_ORDER_MARK) else ""

@@ -138,6 +138,10 @@ class Call(NamedTuple):
     arguments: tuple[tuple[int, Expression], ...] | None = ()
     """Number of a local variable, and its value; None when it has the variables of its caller."""
     times: Expression | None = None
+    local: bool = False
+    """True if it is in the file of the call."""
+    begun: bool = False
+    """True if the subprogram must have its own beginning in a file, as the subroutines of LinuxCNC."""
 
 
 class Return(NamedTuple):

@@ -80,10 +80,19 @@ class SetUpOptions(ToolOptions):
         "NAME,...",
     )
 
+    subprograms: str | None = option(
+        "Folders of programs that the program calls, in addition to its own folder.", "DIR,..."
+    )
+
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of `ncomp.set_up`."""
-        own = {"work_offset": self.work_offset, "block_skip": self.block_skip, "pass_through": self.passing}
+        own = {
+            "work_offset": self.work_offset,
+            "block_skip": self.block_skip,
+            "pass_through": self.passing,
+            "subprograms": tuple((self.subprograms or "").split(",")) if self.subprograms is not None else (),
+        }
         return super().arguments | own
 
     def setup_of(self, program: str | Path, machine: Machine) -> Setup:

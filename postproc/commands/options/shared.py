@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -211,13 +211,15 @@ class _Spool:
 
 
 @contextmanager
-def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
+def whole_results(*targets: str | None, beside: Mapping[Path, bytes] | None = None) -> Iterator[tuple[BinaryIO, ...]]:
     """Files for the results of a command: each is written completely or not at all, and all of them or none.
+
+    beside: further files, which the block may name.
 
     `-` is standard output; None is a result that is discarded. Results that cannot be withdrawn - standard output,
     pipes and devices - are sent when the others are complete on the disk, before these replace existing files.
     """
-    from kinematics.files import Draft
+    from kinematics.files import Draft, completed
 
     with ExitStack() as stack:
         drafts: list[Draft | _Spool] = []
@@ -227,6 +229,7 @@ def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
         yield tuple(draft.file for draft in drafts)
         for draft in drafts:
             draft.complete()
+        drafts += stack.enter_context(completed(beside or {}))
         for draft in sorted(drafts, key=lambda draft: isinstance(draft, Draft)):
             draft.publish()
 

@@ -106,19 +106,19 @@ def correct_one(
     """Correct one program into the file `output`, and show its report; own: its set-up in the entry of a job file."""
     from postproc.commands.show.terminal import progress_of, show
     from postproc.correct.report import correction_report
+    from postproc.folders.called import files_beside
 
     target = target_of(program, output, in_place=in_place)
     check_files(request.files, {"--output": target, **others.by_option})
     check_files((program,), others.by_option)
-    inputs = (*request.inputs, program)
     if in_place:
         allow_to_replace(target)
     _, _, correction = request.for_program(Path(program), own)[0].prepared()
-    source = open_source(program)
+    source, beside = open_source(program), dict[Path, bytes]()
     with (
         progress_of(source.size, "correcting") as progress,
         backup_of(program, source.hash) if in_place else nullcontext(),
-        whole_results(*others.files, target) as (results, page, file),
+        whole_results(*others.files, target, beside=beside) as (results, page, file),
     ):
         done = correction(
             source,
@@ -126,8 +126,10 @@ def correct_one(
             progress=progress,
             traced=others.report is not None,
             jobs=number_of_workers(jobs, None, "--jobs"),
+            beside=target != "-" and not in_place,
         )
+        beside |= files_beside(Path(target), done)
         command = f"ncomp {program} --machine {request.machine} -o {target}"
         shown = correction_report(done.job, done.report, done.trace, command)
-        others.write(done.report.json(), shown, (results, page), inputs)
+        others.write(done.report.json(), shown, (results, page), (*request.inputs, program))
     show(shown, "-")

@@ -10,7 +10,7 @@ from postproc.correct.job import Job
 from postproc.correct.mark import MarkedOutput, mark_index, mark_line, mark_of
 from postproc.iso.reading.lines import refuse_lengthened
 from postproc.text.block import Block
-from postproc.text.source import ENCODING
+from postproc.text.source import ENCODING, Source
 from postproc.write.block_numbers import BlockNumbers
 from postproc.write.plain_texts import PlainText
 
@@ -46,11 +46,14 @@ class Output:
             out.write(numbers.renumbered(block, text).encode(ENCODING))
         return changed
 
-    def finish(self, state: ControlState, accepted: dict[str, str], out: BinaryIO) -> None:
+    def finish(
+        self, state: ControlState, accepted: dict[str, str], out: BinaryIO, caller: Source | None = None
+    ) -> None:
         """Write the program to `out`, with its mark.
 
-        state: of the control at the end; accepted: implausible conditions that were met.
+        state: of the control at the end; accepted: implausible conditions that were met; caller: main program of a
+        called one.
         """
         job = self._job
         mark = mark_of(job.model, state)
-        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted), out)
+        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted, caller), out)

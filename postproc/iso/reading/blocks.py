@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from postproc.iso.reading.calls import CALLS
+from postproc.iso.reading.calls import CALLS, program_name
 from postproc.text.block import Block
 from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Begin
@@ -21,6 +21,8 @@ _PLAIN = re.compile(rf"((?:[ \t]*{_WORD})*)[ \t]*(?:\([^()\r\n]*\)[ \t]*|;[^\r\n
 PARTS = re.compile(r"([A-Za-z$])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
 _TAPE_MARK = re.compile(r"[ \t\x00]*(%[^\r\n]*)[\r\n]*")
 
+NO_NUMBER = -1.0
+"""Number of a program that has a name."""
 FLOW = re.compile(
     CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>|\[.*\])[ \t]*[A-Z]",
     re.IGNORECASE,
@@ -42,6 +44,7 @@ def labels(block: Block) -> list[str]:
     found = [
         f"{prefixes[w.address]}{w.value:.10g}" for w in block.words if w.address in prefixes and w.value is not None
     ]
+    found += [program_name(block.text[w.at : w.end]) for w in block.words if w.address == "O" and w.value == NO_NUMBER]
     if block.code is not None:
         found += [step.key for step in block.code.before if isinstance(step, Begin) and step.kind == "SUB"]
     return found

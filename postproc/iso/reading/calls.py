@@ -9,12 +9,21 @@ from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, Expression, Operation
 from postproc.text.statements import Call, Code, EndModal, Modal, Return, Step
 
-CALLS = re.compile(r"(?:M[ \t]*\+?[ \t]*0*9[89]|G[ \t]*\+?[ \t]*0*6[5-7])(?:\.0*)?(?![\d.])", re.IGNORECASE)
+CALLS = re.compile(r"(?:M[ \t]*\+?[ \t]*0*(?:9[89]|198)|G[ \t]*\+?[ \t]*0*6[5-7])(?:\.0*)?(?![\d.])", re.IGNORECASE)
 """Words that call a subprogram or end one."""
 SUBPROGRAM, RETURN, MACRO, MODAL, MODAL_END = ("M", 98.0), ("M", 99.0), ("G", 65.0), ("G", 66.0), ("G", 67.0)
-CALLING = frozenset((SUBPROGRAM, RETURN, MACRO, MODAL, MODAL_END))
+ELSEWHERE = ("M", 198.0)
+"""FANUC: as M98, of a program on another device of the control."""
+CALLING = frozenset((SUBPROGRAM, ELSEWHERE, RETURN, MACRO, MODAL, MODAL_END))
 ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
 """Local variables that take the words after G65 and G66."""
+
+
+def names(file: str) -> list[str]:
+    """The names by which the program in a file is called: O1000 for `O1000.nc` and `1000`, O<name> for `name.ngc`."""
+    stem = file.rpartition(".")[0] or file
+    numbered = re.fullmatch(r"[Oo]?0*(\d+)", stem)
+    return [f"O<{stem.lower()}>", *([f"O{numbered[1]}"] if numbered else [])]
 
 
 def with_calls(block: Block) -> Block:
@@ -35,7 +44,7 @@ def with_calls(block: Block) -> Block:
         case ("M", 99.0):
             return _with_return(block, others)
         case ("M", _):
-            return _with_subprogram(block, others)
+            return _with_subprogram(block, word, others)
     return _with_macro(block, word, others)
 
 
@@ -53,12 +62,16 @@ def _with_return(block: Block, others: tuple[Word, ...]) -> Block:
     return _with_step(block, kept, step)
 
 
-def _with_subprogram(block: Block, others: tuple[Word, ...]) -> Block:
-    """M98 P, with a number of repetitions in L or in P."""
-    taken, kept = _taken(block, others, "PL")
-    name, times = _program(block, "M98", taken), _times(taken)
+def _with_subprogram(block: Block, word: Word, others: tuple[Word, ...]) -> Block:
+    """M98 or M198 with P or `<NAME>`, and with a number of repetitions in L or in P."""
+    code = f"M{word.value:g}"
+    taken, kept = _taken(block, others, "PLO")
+    times = _times(taken)
     if any(other.address in "HQ" for other in kept):
-        raise block.refuse("M98 with the block number H or Q is not corrected: write the program number P only")
+        raise block.refuse(f"{code} with the block number H or Q is not corrected: write the program number P only")
+    if "O" in taken:
+        return _with_step(block, kept, Call(_named(block, code, taken), None, times))
+    name: Expression = _program(block, code, taken)
     if times is None:
         name, times = Operation("repeated program", (name,)), Operation("repetitions", (name,))
     else:
@@ -69,8 +82,9 @@ def _with_subprogram(block: Block, others: tuple[Word, ...]) -> Block:
 def _with_macro(block: Block, word: Word, others: tuple[Word, ...]) -> Block:
     """G65 or G66 with arguments."""
     code = f"G{word.value:g}"
-    taken, kept = _taken(block, others, "PL" + "".join(ARGUMENTS))
-    name = Operation("program", (_program(block, code, taken),))
+    taken, kept = _taken(block, others, "PLO" + "".join(ARGUMENTS))
+    named = _named(block, code, taken) if "O" in taken else ""
+    name = named or Operation("program", (_program(block, code, taken),))
     if any(other.address not in "NG" for other in kept):
         raise block.refuse(
             f"{code} cannot share a block with the other words of this one: write them in a block before it"
@@ -89,6 +103,19 @@ def _taken(block: Block, words: tuple[Word, ...], addresses: str) -> tuple[dict[
     if len(taken) > len(by_address):
         raise block.refuse("the call has two words of one address: write one of them")
     return by_address, tuple(word for word in words if word.address not in addresses)
+
+
+def _named(block: Block, code: str, taken: dict[str, Word]) -> str:
+    """The name of the program that a call names instead of its number (FANUC)."""
+    text = block.text[taken["O"].at : taken["O"].end]
+    if "P" in taken or not text.startswith("<"):
+        raise block.refuse(f"{code} needs P, the number of the program, or its name <NAME>: write one of them")
+    return program_name(text)
+
+
+def program_name(text: str) -> str:
+    """The label of a program with a name: O<shaft> for `<SHAFT>`."""
+    return f"O{text.lower()}"
 
 
 def _program(block: Block, code: str, taken: dict[str, Word]) -> Expression:

@@ -8,15 +8,12 @@ from lark import Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 
 from grammars import block_parser
-from postproc.iso.reading.blocks import PARTS
+from postproc.iso.reading.blocks import NO_NUMBER, PARTS
 from postproc.iso.reading.statements import computed_word, returned, statement
 from postproc.text.block import Block, Refusal, Word, not_understood
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
 from postproc.text.statements import Code, Step
-
-NO_NUMBER = -1.0
-"""Number of a program that has a name: no call finds it."""
 
 
 def parse_block(line: int, text: str) -> Block:

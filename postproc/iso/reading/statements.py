@@ -205,7 +205,7 @@ def _subroutine(parts: list[Any]) -> Step:
         "ELSE": Else(key),
         "BREAK": Leave(key),
         "CONTINUE": Again(key),
-        "CALL": Call(key, tuple(enumerate(values, start=1))),
+        "CALL": Call(key, tuple(enumerate(values, start=1)), begun=True),
         "RETURN": Return("RETURN is outside of a subprogram: write M2 to end the program"),
     }
     if word in others:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from postproc.control.codes import PROGRAM_ENDS
 from postproc.siemens.codes import END_OF_SUBPROGRAM
@@ -13,7 +13,7 @@ from postproc.text.expressions import Constant, Expression
 from postproc.text.statements import Call, Code, Return
 
 
-def link(blocks: Sequence[Block]) -> list[Block]:
+def link(blocks: Sequence[Block], _: Callable[[], set[str]], __: bool) -> list[Block]:
     """The blocks with statements for the calls of programs of the same file, and for the ends of all but the first."""
     programs = {program_name(block) for block in blocks if block.kind == "header"} - {""}
     first = next((i for i, block in enumerate(blocks) if block.kind == "header" and block.code), len(blocks))

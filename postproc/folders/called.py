@@ -1,0 +1,44 @@
+"""The files of called programs, corrected beside the main program: where they go, and what they must not replace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinematics.files.inputs import true_path
+from kinematics.user_error import UserError
+from postproc.correct.mark import called_by
+
+if TYPE_CHECKING:
+    from postproc.interface.programs import Corrected
+
+OTHERWISE = "name an output in another folder, or write the calls out by --unroll"
+
+
+def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
+    """The called files of a correction by their paths; target: the file of the main program.
+
+    UserError for one that would replace a program that the correction has read, or a file that is no earlier correction
+    for the same main program.
+    """
+    files = {target.parent / each.name: each for each in done.called}
+    read = {true_path(Path(each.source.name)) for each in done.called} | {true_path(Path(done.job.source.name))}
+    for path, each in files.items():
+        if true_path(path) in read or true_path(path) == true_path(target):
+            raise UserError(
+                f"the correction of {each.source.name}, which {done.job.source.name} calls, would replace {path}: "
+                f"{OTHERWISE}"
+            )
+        if path.exists() and not _is_replaced(path, each.data, done):
+            raise UserError(
+                f"the correction of {each.source.name}, which {done.job.source.name} calls, would replace {path}, "
+                f"which is not from an earlier correction of this program: delete it, {OTHERWISE}"
+            )
+    return {path: each.data for path, each in files.items()}
+
+
+def _is_replaced(path: Path, data: bytes, done: Corrected) -> bool:
+    """True if a file is the same, or an earlier correction for the same main program."""
+    there = path.read_bytes() if path.is_file() else b""
+    mark = called_by(done.job.source).encode()
+    return there == data or any(b"NCOMP " in line and mark in line for line in there.splitlines())

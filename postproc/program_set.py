@@ -1,0 +1,131 @@
+"""A program with the files that it calls: their blocks one behind the other, each file read at its first call."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from postproc.control.block_skip import decide
+from postproc.control.interpreter import Interpreter
+from postproc.control.setup import Setup
+from postproc.dialects import Dialect
+from postproc.text.block import Block
+from postproc.text.calls.called_files import CalledFiles, Found, shown_name
+from postproc.text.dialect_evidence import TITLES, definite, evidence
+from postproc.text.expressions import NotKnown
+from postproc.text.line_numbers import first_line
+from postproc.text.source import Source, open_source
+
+
+class CalledFile(NamedTuple):
+    """The file of a called program, with its place among the blocks of the set."""
+
+    source: Source
+    name: str
+    """Path of its correction, from the folder of the output."""
+    first: int
+    last: int
+    """Its blocks are those from `first` to before `last`."""
+
+
+class ProgramSet:
+    """The blocks of a program, and of the files that it has called so far."""
+
+    def __init__(
+        self, source: Source, dialect: Dialect, interpreter: Interpreter, blocks: Iterable[Block] | None = None
+    ) -> None:
+        """`blocks`: those of the main program, if they are read. Refusal for a block that is not understood."""
+        self.source, self.dialect, self._interpreter = source, dialect, interpreter
+        self.found = called_files(source, dialect, interpreter.control_state.setup)
+        self.end = dialect.end
+        self.blocks: list[Block] = []
+        self.called: list[CalledFile] = []
+        """The files that have been called, in the order of their first calls."""
+        self.main = self._link(self._read(source, 0) if blocks is None else blocks, called=False)
+        """Number of blocks of the main program."""
+
+    def first_block(self, name: str, at: int) -> int:
+        """Index of the first block of the file of a program, as of `Files` in `postproc/text/calls/listing.py`."""
+        calling = self._file(at)
+        folder = calling.source.folder if calling else None
+        found = self.found.find(name, folder)
+        if found is None:
+            raise NotKnown(f"the file has no subprogram {shown_name(name)}{self.found.missing(folder)}")
+        known = next((each for each in self.called if each.source.name == str(found.path)), None)
+        return known.first if known else self._add(found)
+
+    def name(self, at: int) -> str:
+        """The name of the file of a block."""
+        file = self._file(at)
+        return file.source.name if file else self.source.name
+
+    def _file(self, at: int) -> CalledFile | None:
+        """The called file of a block; None for the main program."""
+        return next((each for each in self.called if each.first <= at < each.last), None)
+
+    def _add(self, found: Found) -> int:
+        """Read a file behind the others; returns its first block."""
+        if self.source.data is None and found.path.resolve() == Path(self.source.name).resolve():
+            raise NotKnown(f"the program calls itself: {found.path} is the main program; end the recursion")
+        source = open_source(str(found.path))
+        self._check_dialect(source, found.path)
+        self._refuse_same_output(found)
+        first = len(self.blocks) + 1
+        self.blocks.append(Block(0, "", "blank"))
+        try:
+            last = first + self._link(self._read(source, first_line(source.name)), called=True)
+        except BaseException:
+            del self.blocks[first - 1 :]
+            raise
+        self.called.append(CalledFile(source, found.name, first, last))
+        return first
+
+    def _read(self, source: Source, before: int) -> Iterator[Block]:
+        """The blocks of a file, whose lines are counted from a number on."""
+        state = self._interpreter.control_state
+        for line, text in self.dialect.join_lines(source.lines()):
+            yield decide(self.dialect.read_block(before + line, text), state.setup.block_skip, self._interpreter.notes)
+
+    def _link(self, blocks: Iterable[Block], *, called: bool) -> int:
+        """Add the blocks of a file; returns how many they are."""
+        linked = self.dialect.link(list(blocks), self._names, called)
+        self.blocks += linked
+        return len(linked)
+
+    def _names(self) -> set[str]:
+        """Names by which programs of the folders are called, but those that pass unchanged by the user's choice."""
+        return self.found.names - {f"%{name}" for name in self._interpreter.control_state.setup.pass_through}
+
+    def _check_dialect(self, source: Source, path: Path) -> None:
+        """NotKnown for a file that is clearly of another dialect."""
+        own = evidence(path.suffix.lower(), source.text_head)
+        if own.dialect != self.dialect.name and definite(own):
+            raise NotKnown(
+                f"{path} is {TITLES[own.dialect]} because {own.reason}, and the program that calls it is "
+                f"{TITLES[self.dialect.name]}: call a program of one dialect"
+            )
+
+    def _refuse_same_output(self, found: Found) -> None:
+        main = Path(self.source.name).name if self.source.data is None else ""
+        for each in self.called:
+            if each.name.upper() == found.name.upper():
+                raise NotKnown(
+                    f"{found.path} and {each.source.name} are both called, and their corrections would have one name, "
+                    f"{found.name}: rename one of them"
+                )
+        if found.name.upper() == main.upper():
+            raise NotKnown(f"{found.path} has the name of the main program: rename it")
+
+
+def called_files(source: Source, dialect: Dialect, setup: Setup) -> CalledFiles:
+    """The files that a program may call: of its folder, and of those of the set-up."""
+    own = () if source.folder is None else (source.folder,)
+    return CalledFiles([*own, *map(Path, setup.subprograms)], dialect.names)
+
+
+def names_in_text(dialect: Dialect, files: CalledFiles) -> re.Pattern[str] | None:
+    """Pattern of the names of programs that a block may call by their name alone; None if there is none."""
+    words = sorted(map(shown_name, files.names)) if dialect.calls_by_name else []
+    return re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, words))})(?!\w)", re.IGNORECASE) if words else None

@@ -1,0 +1,1 @@
+"""Subprograms: their names, the blocks that they begin with, and their files."""

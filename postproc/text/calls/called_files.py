@@ -1,0 +1,108 @@
+"""The files of programs that a program calls: in its own folder, and in the folders that the user names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from postproc.text.expressions import NotKnown
+
+SUFFIXES = (
+    *(".nc", ".ngc", ".cnc", ".tap", ".gcode", ".gc", ".g", ".eia", ".iso", ".min", ".din", ".ptp"),
+    *(".mpf", ".spf", ".h", ".hnc", ".klartext"),
+)
+"""Suffixes of NC programs, in lower case."""
+OPTION = "give its folder by --subprograms"
+
+
+class Found(NamedTuple):
+    """The file of a called program."""
+
+    path: Path
+    name: str
+    """Path from the folder that was searched, with slashes: that of its correction, from the folder of the output."""
+
+
+class CalledFiles:
+    """Finds the files of called programs, without regard to upper and lower case."""
+
+    def __init__(self, folders: Sequence[Path], names: Callable[[str], Iterable[str]]) -> None:
+        """folders: in the order of the search; names: those by which the program in a file of some name is called."""
+        self.folders, self._names = folders, names
+        self._listed: dict[Path, dict[str, list[Path]]] = {}
+
+    @property
+    def names(self) -> set[str]:
+        """All names by which programs of these folders are called."""
+        return {name for folder in self.folders for name in self._called(folder)}
+
+    def find(self, name: str, caller: Path | None = None) -> Found | None:
+        """The file of a called program, None if there is none; caller: folder of the calling program.
+
+        `A/B` is the program B in the folder A. NotKnown for two files, and for one outside of the folder.
+        """
+        *inner, last = name.split("/")
+        for folder in dict.fromkeys((*(() if caller is None else (caller,)), *self.folders)):
+            here: Path | None = folder
+            for part in inner:
+                here = None if here is None else _only(_entries(here, part, folders=True), name)
+            path = None if here is None else _only(self._called(here).get(last, []), name)
+            if path is not None:
+                return self._inside(path, folder, name)
+        return None
+
+    def missing(self, caller: Path | None = None) -> str:
+        """Where a program was looked for in vain."""
+        searched = dict.fromkeys((*(() if caller is None else (caller,)), *self.folders))
+        if not searched:
+            return f", and its folder is not known: {OPTION}"
+        folders = ", ".join("the present folder" if str(folder) == "." else str(folder) for folder in searched)
+        return f", and no file of it is in {folders}: write it there, or {OPTION}"
+
+    def _inside(self, path: Path, folder: Path, name: str) -> Found:
+        """A file that was found in a folder; NotKnown if a link leads out of the folders."""
+        searched = [each.resolve() for each in self.folders]
+        base = next(each for each in searched if folder.resolve().is_relative_to(each))
+        if not path.resolve().is_relative_to(base):
+            raise NotKnown(
+                f"{shown_name(name)} is not read, because {path} is a link to {path.resolve()}, outside of its folder: "
+                "copy the file into the folder"
+            )
+        return Found(path, (folder.resolve() / path.relative_to(folder)).relative_to(base).as_posix())
+
+    def _called(self, folder: Path) -> dict[str, list[Path]]:
+        """The files of a folder by the names by which they are called."""
+        if folder not in self._listed:
+            found: dict[str, list[Path]] = {}
+            for path in _entries(folder, None, folders=False):
+                if path.suffix.lower() in SUFFIXES or not path.suffix:
+                    for name in self._names(path.name):
+                        found.setdefault(name, []).append(path)
+            self._listed[folder] = found
+        return self._listed[folder]
+
+
+def shown_name(name: str) -> str:
+    """The name of a program as in a message: the label of a call without the marks that ncomp gives it."""
+    return name.replace("%", "").replace("PGM ", "")
+
+
+def _entries(folder: Path, name: str | None, *, folders: bool) -> list[Path]:
+    """The files or folders of a folder, in the order of their names; `name`: those that have it."""
+    try:
+        found = sorted(folder.iterdir())
+    except OSError:
+        return []
+    wanted = [path for path in found if name is None or path.name.upper() == name]
+    return [path for path in wanted if (path.is_dir() if folders else path.is_file()) and path.name[:1] != "."]
+
+
+def _only(paths: list[Path], name: str) -> Path | None:
+    """The one of several paths; NotKnown for more than one."""
+    if len(paths) > 1:
+        raise NotKnown(
+            f"{' and '.join(path.name for path in paths)} in {paths[0].parent} are both named {shown_name(name)}: "
+            "delete or rename one of them"
+        )
+    return paths[0] if paths else None

@@ -1,0 +1,136 @@
+"""The blocks of a program and of the files that it calls, with the labels by which jumps and calls find them."""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol
+
+from postproc.text.block import Block
+from postproc.text.calls.called_files import shown_name
+from postproc.text.expressions import NotKnown
+
+
+class Files(Protocol):
+    """The files of called programs."""
+
+    @property
+    def end(self) -> str:
+        """The cure for a subprogram without an end."""
+
+    def first_block(self, name: str, at: int) -> int:
+        """Index of the first block of the file of a program that is called by the block `at`.
+
+        The blocks of a new file are added, behind one that stands for the end of the blocks before them. NotKnown for
+        a program without a file, and for one that cannot be read.
+        """
+
+    def name(self, at: int) -> str:
+        """The name of the file of a block."""
+
+
+class OneFile:
+    """No file but that of the main program."""
+
+    end = ""
+
+    def first_block(self, name: str, _: int) -> int:
+        """NotKnown for every program."""
+        raise NotKnown(f"the file has no subprogram {shown_name(name)}: write it into the file once")
+
+    def name(self, _: int) -> str:
+        """Nothing."""
+        return ""
+
+
+class Listing:
+    """The blocks of all files, one behind the other: the main program is the first."""
+
+    def __init__(
+        self,
+        blocks: Sequence[Block],
+        labels: Callable[[Block], Iterable[str]],
+        begins: Callable[[Block], bool],
+        files: Files,
+        taken: Callable[[int], None],
+    ) -> None:
+        """`begins`: true for the first block of a program; `taken`: called with the first block of each called file."""
+        self.blocks, self.files = blocks, files
+        self._labels, self._begins, self._taken = labels, begins, taken
+        self._programs: list[int] = []
+        """For every block the program of a file to which it belongs."""
+        self._labelled: dict[str, list[int]] = {}
+        self._firsts: list[int] = []
+        """The first block of each file."""
+        self._gaps: set[int] = set()
+        """Blocks that stand for the end of a file."""
+        self._take(0)
+
+    @property
+    def several(self) -> bool:
+        """True if the program has called another file."""
+        return bool(self._gaps)
+
+    def at_end(self, at: int) -> bool:
+        """True behind the main program; Refusal behind a subprogram without a statement that ends it."""
+        if at < len(self.blocks) and at not in self._gaps:
+            return False
+        if self._gaps and at <= len(self.blocks) and self._file(at) > 0:
+            raise self.blocks[at - 1].refuse(f"the subprogram has no end: {self.files.end}")
+        return True
+
+    def has_label(self, name: str) -> bool:
+        """Whether some block has a label."""
+        return name in self._labelled
+
+    def labelled(self, name: str, at: int) -> list[int]:
+        """The blocks of a label in the program that a block belongs to."""
+        return [i for i in self._labelled.get(name, []) if self._programs[i] == self._programs[at]]
+
+    def first_block(self, name: str, at: int, *, local: bool, begun: bool) -> int:
+        """The first block of a subprogram: of the file of the call, of the main program, or of another file.
+
+        local: in the file of the call; begun: the subprogram must have a beginning of its own. NotKnown for none.
+        """
+        labelled = self._labelled.get(name, [])
+        own = [i for i in labelled if self._file(i) == self._file(at)]
+        found = own or [i for i in labelled if self._file(i) == 0 and not local]
+        if found or local:
+            return self._one(found, name, "the file") + 1
+        first = self.files.first_block(name, at)
+        if first > len(self._programs):
+            self._gaps.add(len(self._programs))
+            self._programs.append(-1)
+            self._take(first)
+            self._taken(first)
+        file = self._file(first)
+        inside = [i for i in self._labelled.get(name, []) if self._file(i) == file]
+        several = file + 1 < len(self._firsts)
+        here = range(first, self._firsts[file + 1] - 1 if several else len(self.blocks))
+        if inside or begun or any(self._begins(self.blocks[i]) for i in here):
+            return self._one(inside, name, self.files.name(first)) + 1
+        return first
+
+    @staticmethod
+    def _one(found: Sequence[int], name: str, where: str) -> int:
+        if len(found) != 1:
+            raise NotKnown(
+                f"{where} has {len(found) or 'no'} subprogram{'s' * bool(found)} {shown_name(name)}: write it into the "
+                "file once"
+            )
+        return found[0]
+
+    def _take(self, first: int) -> None:
+        """Take the blocks of a file, from `first` on."""
+        self._firsts.append(first)
+        program = len(self._programs)  # larger than the number of any program before
+        for i, block in enumerate(itertools.islice(self.blocks, first, None), start=first):
+            program += self._begins(block)
+            self._programs.append(program)
+            for label in self._labels(block):
+                self._labelled.setdefault(label, []).append(i)
+
+    def _file(self, at: int) -> int:
+        """Number of the file of a block, or of its end; 0 for the main program."""
+        return bisect.bisect_right(self._firsts, at) - 1
