@@ -26,8 +26,6 @@ EXCEPTIONS = {
     "postproc/text/": 18,
     "postproc/write/": 18,
     "calibration/fit/noise.py": 459,
-    "calibration/circles/candidates.py:candidates": 43,
-    "calibration/circles/spikes.py:spikes_by_feed": 42,
     "calibration/continuous/estimate.py:estimate": 43,
     "calibration/continuous/fusion.py:fused": 49,
     "calibration/continuous/virtual.py:measure": 45,

@@ -25,9 +25,10 @@ class Share:
     """Range of its signal on the circles, without the part that looks like a shift or another radius."""
     share: float
     """Mean square of its signal as a share of that of all causes and of the unexplained residual."""
-    delta_bic: float
+    log10_odds: float
+    """Against none."""
     tied_with: tuple[str, ...]
-    """Other causes that explain the data nearly as well in its place."""
+    """Other causes from which the data do not tell it clearly."""
     by_feed: tuple[SpikeAtFeed, ...] = ()
     """Decay of a reversal spike at each feed, if it was measured at several."""
 
@@ -40,7 +41,7 @@ class Share:
         """The share for programs."""
         return {
             "kind": self.kind, "where": self.where, "parameters": dict(self.parameters), "U": dict(self.U),
-            "range_um": self.range_um, "share": self.share, "delta_bic": self.delta_bic,
+            "range_um": self.range_um, "share": self.share, "log10_odds": self.log10_odds,
             "verdict": "tied" if self.tied_with else "clear", "tied_with": list(self.tied_with),
             **({"by_feed": [each.json() for each in self.by_feed]} if self.by_feed else {}),
             **({"keeps": kept(self.by_feed)} if self.by_feed else {}),

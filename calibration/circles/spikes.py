@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from calibration.circles.candidates import feeds_of, spike_columns, time_of
-from calibration.measurement.measurement import Measurement
-from kinematics.transforms import Array
+from calibration.circles.terms import feeds_of, spike_by_feed, time_of, ways_of
+from calibration.diagnosis.candidates import Candidates
 
-STEP = 0.02
-"""Step of the logarithm of a distance for its uncertainty."""
+SHORTEST_MM, LONGEST_MM = 1e-3, 10.0
+"""Range of the distances: from far below that of rows, to a tenth of the axes' travel on a small circle."""
+POINTS, PASSES = 25, 4
+"""Distances that are tried at a time, and how often closer ones."""
+AROUND = 4.0
+"""Standard deviations on either side of the mean that the distances of the next pass cover."""
 SAME_KEPT = 2.0
 """Difference of two feeds in standard deviations up to which they agree."""
 
@@ -47,48 +50,37 @@ class SpikeAtFeed:
         }
 
 
-def spikes_by_feed(
-    measurement: Measurement,
-    transform: Array,
-    rows: np.ndarray,
-    axis: str,
-    ways: Array,
-    others: Array,
-    deviation: Array,
-    noise_um: float,
-) -> tuple[SpikeAtFeed, ...]:
-    """The decay at each feed, distances and heights free at each; none with one feed.
-
-    ways: first guess by feed in ascending order, mm; others: orthonormal columns `(n, m)` of all other causes.
-    """
-    from scipy.optimize import minimize
-
-    feeds = feeds_of(measurement, rows)
+def spikes_by_feed(candidates: Candidates, number: int) -> tuple[SpikeAtFeed, ...]:
+    """The decay at each feed of a spike, by its number among the terms, heights free at each; none with one feed."""
+    measurement = candidates.structure.data.observations.measurement
+    feeds = feeds_of(measurement)
     if len(feeds) < 2:
         return ()
-    target = deviation - others @ (others.T @ deviation)
-
-    def loss(logarithms: Array) -> float:
-        """Sum of squares, um^2, that spikes with these decays, ln mm by feed, leave of the deviation."""
-        columns = np.concatenate(
-            [
-                spike_columns(measurement, transform, rows, axis, {feed: float(np.exp(value))})
-                for feed, value in zip(feeds, logarithms.tolist(), strict=True)
-            ],
-            axis=1,
-        )
-        columns = columns - others @ (others.T @ columns)
-        left = target - columns @ np.linalg.lstsq(columns, target)[0]
-        return float(left @ left)
-
-    best = minimize(loss, np.log(ways), method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-4 * noise_um**2})
-    sizes = np.sqrt(np.maximum(np.diag(_inverse(loss, best.x)), 0.0)) * noise_um * 2.0**0.5
     found = []
-    for feed, logarithm, size in zip(feeds, best.x.tolist(), sizes.tolist(), strict=True):
-        way = float(np.exp(logarithm))
+    for feed in feeds:
+        mean, u = _logarithm(candidates, number, feed)
+        way = float(np.exp(mean))
         time = time_of(measurement, feed, way)
-        found.append(SpikeAtFeed(feed, way, 2.0 * size * way, time, size * time))
+        found.append(SpikeAtFeed(feed, way, 2.0 * u * way, time, u * time))
     return tuple(found)
+
+
+def _logarithm(candidates: Candidates, number: int, feed: float) -> tuple[float, float]:
+    """Posterior mean and standard deviation of the logarithm of a distance, mm, at one feed, beside the others."""
+    structure = candidates.structure
+    observations, term = structure.data.observations, structure.terms[number]
+    axis, ways = str(term.where), ways_of(observations.measurement, term)
+    elsewhere = spike_by_feed(observations, axis, {other: way for other, way in ways.items() if other != feed})
+    beside = candidates.beside((*(each for each in structure.terms if each is not term), elsewhere))
+    tried = np.linspace(np.log(SHORTEST_MM), np.log(LONGEST_MM), 2 * POINTS)
+    for _ in range(PASSES):
+        odds = beside.exact([spike_by_feed(observations, axis, {feed: way}) for way in np.exp(tried).tolist()])
+        weights = np.exp(odds - odds.max())
+        mean = float(weights @ tried / weights.sum())
+        u = float(np.sqrt(weights @ (tried - mean) ** 2 / weights.sum()))
+        reach = AROUND * max(u, float(tried[1] - tried[0]) / 2.0)
+        tried = np.linspace(mean - reach, mean + reach, POINTS)
+    return mean, u
 
 
 def kept(spikes: Sequence[SpikeAtFeed]) -> str:
@@ -102,15 +94,3 @@ def kept(spikes: Sequence[SpikeAtFeed]) -> str:
     by_way = abs(np.log(last.way_mm / first.way_mm)) <= SAME_KEPT * u
     by_time = abs(np.log(last.time_ms / first.time_ms)) <= SAME_KEPT * u / 2.0
     return {(True, True): "both", (True, False): "way", (False, True): "time"}.get((by_way, by_time), "neither")
-
-
-def _inverse(loss: Any, at: Array) -> Array:
-    """Inverse of the second derivatives of a loss at its minimum."""
-    k = len(at)
-    hessian = np.zeros((k, k))
-    e = np.eye(k) * STEP
-    for i in range(k):
-        for j in range(i, k):
-            corners = [loss(at + a * e[i] + b * e[j]) * a * b for a in (1.0, -1.0) for b in (1.0, -1.0)]
-            hessian[i, j] = hessian[j, i] = sum(corners) / (4.0 * STEP**2)
-    return np.asarray(np.linalg.pinv(hessian))

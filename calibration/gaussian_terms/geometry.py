@@ -64,6 +64,14 @@ class Geometry:
     wavy: np.ndarray
     """True for each band whose functions have two waves or more over the travel, as a periodic error has."""
 
+    @classmethod
+    def none(cls, observations: Observations) -> Geometry:
+        """No columns: all that may be in the observations is a term."""
+        nothing, no_band = np.zeros(0), np.zeros(0, bool)
+        columns = np.zeros((*observations.residual.shape, 0))
+        number = np.zeros(0, int)
+        return cls((), columns, np.zeros((0, 0)), nothing, number, number, nothing, no_band, nothing, no_band)
+
     @property
     def width(self) -> int:
         """Number p of columns."""

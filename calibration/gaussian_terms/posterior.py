@@ -64,6 +64,9 @@ class Posterior:
     @classmethod
     def of(cls, equations: Equations, sizes: Array, factor: float) -> Posterior:
         """The posterior for prior sizes `(p,)` of the columns, and a variance factor of the noise."""
+        if not len(sizes):
+            squares = float(equations.residual @ equations.residual)
+            return cls(np.zeros(0), np.zeros((0, 0)), squares / factor, 0.0)
         matrix = equations.gram * sizes[:, None] * sizes
         matrix[np.diag_indices_from(matrix)] += factor
         low, failed = lapack.dpotrf(matrix, lower=True, overwrite_a=True)

@@ -47,12 +47,15 @@ class Data:
     stops: Sequence[Stops]
     gross: np.ndarray
     """True `(n,)` for rows with gross errors, far beyond any error of a machine."""
+    least_factor: float = 0.0
+    """Least factor of the noise; 1 where nothing below the specification is to be explained."""
 
     @classmethod
-    def of(cls, observations: Observations) -> Data:
-        """The data of observations."""
+    def of(cls, observations: Observations, always: Geometry | None = None) -> Data:
+        """The data of observations; always: columns that are always present, by default all error motions."""
         _, trusted = first_registration(observations.measurement)
-        return cls(observations, geometry(observations), stops_of(observations), ~trusted)
+        always = geometry(observations) if always is None else always
+        return cls(observations, always, stops_of(observations), ~trusted)
 
 
 @dataclass(frozen=True)
@@ -210,6 +213,7 @@ class Structure:
         """
         axes = list(self.data.observations.measurement.moving)
         factor, repeats = variances(list(self._moments(axes)), axes, self.noise, self.priors.non_repeatability_um)
+        factor = max(factor, self.data.least_factor)
         left_out = outlying(self)
         if left_out.mean() >= self.priors.most_left_out:
             left_out = self.noise.left_out

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from calibration.circles.candidates import OTHER
 from calibration.circles.figures import CircularTest
 from calibration.circles.result import Share, Shares
 from calibration.circles.spikes import kept
+from calibration.circles.terms import OTHER
 from calibration.reports.causes.text import with_uncertainty
 from kinematics.effects import KINDS
 from kinematics.files.number_text import plus_minus, uncertainty
@@ -104,7 +104,7 @@ def _causes(shares: Shares) -> Iterator[Section]:
     yield Section(
         "Detection limits",
         "The table has the smallest size of each other cause that these circles would show beside the found ones (odds "
-        "of 400 to 1), for the period or the decay that is seen best, and for the one that is seen worst.",
+        "of 150 to 1), for the period or the decay that is seen best, and for the one that is seen worst.",
         Table(
             ("cause", "best", "worst", "unit"),
             [(each.name, f"{each.smallest:.2g}", f"{each.largest:.2g}", each.unit) for each in shares.limits],

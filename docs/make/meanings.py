@@ -82,7 +82,6 @@ MEANINGS = {
     "axis": "axis of the cause",
     "parameters": "sizes, by name with the unit",
     "u": "their standard uncertainties, k=1",
-    "delta_bic": "change of the BIC of the circles by the cause: below -10 is strong evidence",
     "log10_odds": "log10 of the odds of the cause against none; of a design: of those that are expected",
     "heldout_gain_um": "reduction of the RMS of held-out blocks by the cause",
     "share": "share of the squared residuals",
