@@ -169,7 +169,7 @@ def _error_motions(observations: Observations) -> Iterator[Term]:
 def _bow(observations: Observations, kind: str, component: Component, axis: str) -> Term:
     motion = ErrorMotion(component, axis, Legendre(_linear_axes(observations)[axis], 2), (0.0,) * 3)
     parameters = np.zeros((3, 1))
-    parameters[2] = prior_sizes(observations, np.array([2]))
+    parameters[2] = prior_sizes(np.array([2]), observations.priors)
     where, sizes = f"E_{component}{axis}", BOW * parameters[2:]
     return _term(observations, kind, where, [motion], parameters, names=("bow_um",), unit_sizes=sizes)
 
@@ -191,7 +191,7 @@ def _waves(observations: Observations, circles: Sequence[Circle]) -> Iterator[Te
 
 
 def _wave_columns(observations: Observations, angles: Array, own: np.ndarray, numbers: np.ndarray) -> Array:
-    turns, size = np.outer(angles, numbers), 1e-3 * prior_sizes(observations, numbers)
+    turns, size = np.outer(angles, numbers), 1e-3 * prior_sizes(numbers, observations.priors)
     columns = np.concatenate([np.cos(turns) * size, np.sin(turns) * size], axis=1)
     return np.where(own[:, None], columns, 0.0)[:, None, :]
 

@@ -100,7 +100,7 @@ def motion_changes(observations: Observations, calibration: ErrorModel) -> Itera
         basis = Legendre(arc, CHANGED_DEGREE)
         effect = ErrorMotion(motion.component, motion.axis, basis, (0.0,) * basis.size)
         degrees = np.arange(basis.size)
-        sizes = np.where(degrees > 1, prior_sizes(observations, degrees), 0.0)
+        sizes = np.where(degrees > 1, prior_sizes(degrees, observations.priors), 0.0)
         yield _term(observations, effect, f"change of {effect.name}", (effect,), np.diag(sizes)[:, degrees > 1])
 
 

@@ -7,7 +7,7 @@ take the place of the error motions of its axes, with their covariance as prior.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
@@ -15,18 +15,21 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice, axis_motions
 from kinematics.effects import Effect, ErrorMotion, UnknownApproach
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_model.priors import BANDS
+from kinematics.error_model.priors import BANDS, Priors
 from kinematics.transforms import Array
 from kinematics.turn import gap_of
 
 DEGREE, HARMONICS = 20, 8
 """Largest degree of an error motion over an interval, and its harmonics over a whole turn."""
 
+SETTLED = 0.05
+"""Largest relative change of a size in a step after which the sizes are found."""
 KNOWN = 1e-12
 """Share of the largest variance of a calibration, in squares of its uncertainties, below which one is rounding."""
 Key = tuple[str, str, int]
@@ -40,17 +43,9 @@ CALIBRATED: Key = ("", "", -2)
 
 
 @dataclass(frozen=True)
-class Geometry:
-    """Columns that are always present, in units of their prior sizes, and the bands whose columns share a size."""
+class Bands:
+    """Columns, in units of their prior sizes, that share sizes in bands."""
 
-    effects: tuple[Effect, ...]
-    """Those of a given calibration first."""
-    columns: Array
-    """`(n, d, p)`"""
-    parameters: Array
-    """Parameters of the effects, one after the other, by the coefficients of the columns `(P, p)`."""
-    before: Array
-    """Parameters `(P,)` without any data: those of a given calibration, else 0."""
     bands: np.ndarray
     """Number `(p,)` of the band of each column."""
     coarser: np.ndarray
@@ -65,17 +60,97 @@ class Geometry:
     """True for each band whose functions have two waves or more over the travel, as a periodic error has."""
 
     @classmethod
-    def none(cls, observations: Observations) -> Geometry:
-        """No columns: all that may be in the observations is a term."""
-        nothing, no_band = np.zeros(0), np.zeros(0, bool)
-        columns = np.zeros((*observations.residual.shape, 0))
-        number = np.zeros(0, int)
-        return cls((), columns, np.zeros((0, 0)), nothing, number, number, nothing, no_band, nothing, no_band)
+    def of(cls, keys: Sequence[Key], priors: Priors) -> Bands:
+        """The bands of columns with these keys."""
+        known = list(dict.fromkeys(keys))
+        coarser = [known.index((*key[:2], key[2] - 1)) if (*key[:2], key[2] - 1) in known else -1 for key in known]
+        return Bands(
+            np.array([known.index(key) for key in keys], int),
+            np.array(coarser, int),
+            np.array([_fall(key[2]) ** priors.smoothness for key in known]),
+            np.array([key[2] < 0 for key in known], bool),
+            np.array([priors.first_side if key[2] == FIRST else 1.0 for key in known]),
+            np.array([key[2] >= WAVY for key in known], bool),
+        )
 
     @property
     def width(self) -> int:
         """Number p of columns."""
         return len(self.bands)
+
+    def expected_squares(self, sizes: Array) -> Array:
+        """Expected squares of the sizes of the bands: those of neighbours that have these sizes, if they are larger.
+
+        A finer band is expected to go on falling as its prior sizes do, a coarser one to have no smaller coefficients.
+        """
+        finer = np.flatnonzero(self.coarser >= 0)
+        expected = np.where(self.coarser >= 0, sizes[self.coarser] ** 2, 0.0)
+        by_finer = (self.falls[finer] * sizes[finer]) ** 2
+        expected[self.coarser[finer]] = np.maximum(expected[self.coarser[finer]], by_finer)
+        return np.asarray(expected)
+
+    def wider(self, determined: Array, priors: Priors) -> Array:
+        """Root mean squares of the sizes of the bands, as multiples of the likeliest ones.
+
+        A squared size with m `determined` coefficients, and those of its prior, has an inverse gamma distribution.
+        """
+        freedom = np.maximum(determined, 0.0) + priors.band_weight
+        return np.where(self.fixed, 1.0, np.sqrt(freedom / (freedom - 2.0)))
+
+    def likeliest_sizes(self, equations: Equations, priors: Priors, steps: int) -> Array:
+        """The likeliest sizes of the bands for white observations of unit variance, after at most so many steps."""
+        sizes, counted = self.first_sizes, len(self.first_sizes)
+        for _ in range(steps):
+            of_columns, before = sizes[self.bands], sizes
+            posterior = Posterior.of(equations, of_columns, 1.0)
+            determined = summed(self.bands, posterior.determined(of_columns), counted)
+            squares = summed(self.bands, posterior.mean**2, counted)
+            expected = np.maximum(self.expected_squares(sizes), priors.least_share**2)
+            new = stepped(determined, squares, expected, np.full(counted, priors.band_weight))
+            sizes = np.where(self.fixed, before, new)
+            if np.abs(np.log(sizes / before)).max(initial=0.0) < SETTLED:
+                break
+        return np.asarray(sizes)
+
+
+def summed(groups: np.ndarray, values: Array, count: int) -> Array:
+    """Sums `(count,)` of values `(p,)` by their groups `(p,)`."""
+    return np.asarray(np.bincount(groups, values, minlength=count), float)
+
+
+def stepped(determined: Array, squares: Array, expected: Array, weight: Array) -> Array:
+    """Sizes `(k,)` after a fixed-point step (MacKay 1992).
+
+    determined, squares: numbers of coefficients that the data determine, and sums of their squares. expected: squares
+    of the sizes by their prior, with their weight in coefficients.
+    """
+    return np.asarray(np.sqrt((squares + weight * expected) / (np.maximum(determined, 0.0) + weight)))
+
+
+@dataclass(frozen=True)
+class Geometry(Bands):
+    """Columns that are always present."""
+
+    effects: tuple[Effect, ...]
+    """Those of a given calibration first."""
+    columns: Array
+    """`(n, d, p)`"""
+    parameters: Array
+    """Parameters of the effects, one after the other, by the coefficients of the columns `(P, p)`."""
+    before: Array
+    """Parameters `(P,)` without any data: those of a given calibration, else 0."""
+
+    @classmethod
+    def none(cls, observations: Observations) -> Geometry:
+        """No columns: all that may be in the observations is a term."""
+        columns = np.zeros((*observations.residual.shape, 0))
+        return cls(
+            **vars(Bands.of([], observations.priors)),
+            effects=(),
+            columns=columns,
+            parameters=np.zeros((0, 0)),
+            before=np.zeros(0),
+        )
 
     def values(self, mean: Array) -> Array:
         """Parameters `(P,)` of the effects by the coefficients of the columns `(p,)`."""
@@ -99,21 +174,14 @@ def geometry(observations: Observations) -> Geometry:
     root = root_of(given) if given else np.zeros((0, 0))
     sizes = np.concatenate([np.zeros(0), *(part.scales for part in parts)])
     keys = [CALIBRATED] * root.shape[1] + [key for part in parts for key in part.keys]
-    known = list(dict.fromkeys(keys))
-    coarser = [known.index((*key[:2], key[2] - 1)) if (*key[:2], key[2] - 1) in known else -1 for key in known]
     columns = observations.columns(effects)
     of_given = columns[:, :, : len(root)] @ root
     return Geometry(
-        effects,
-        np.concatenate([of_given, columns[:, :, len(root) :] * sizes], axis=2),
-        block_diag(root, np.diag(sizes)),
-        np.concatenate([given.parameters if given else np.zeros(0), np.zeros(len(sizes))]),
-        np.array([known.index(key) for key in keys], int),
-        np.array(coarser, int),
-        np.array([_fall(key[2]) ** observations.priors.smoothness for key in known]),
-        np.array([key[2] < 0 for key in known], bool),
-        np.array([observations.priors.first_side if key[2] == FIRST else 1.0 for key in known]),
-        np.array([key[2] >= WAVY for key in known], bool),
+        **vars(Bands.of(keys, observations.priors)),
+        effects=effects,
+        columns=np.concatenate([of_given, columns[:, :, len(root) :] * sizes], axis=2),
+        parameters=block_diag(root, np.diag(sizes)),
+        before=np.concatenate([given.parameters if given else np.zeros(0), np.zeros(len(sizes))]),
     )
 
 
@@ -136,15 +204,18 @@ def _parts(observations: Observations) -> Iterator[_Part]:
     calibrated = {motion.axis for motion, _ in given.error_motions} if given else set()
     for effect, degrees in motions(measurement):
         if effect.axes[0] not in calibrated:
-            keys = [(effect.axes[0], _kind(effect), _band(degree)) for degree in degrees.tolist()]
-            yield _Part(effect, prior_sizes(observations, degrees), keys)
+            yield _Part(effect, prior_sizes(degrees, observations.priors), keys_of(effect, degrees))
     for side in _first_sides(measurement):
         yield _Part(side, observations.priors.typical * np.array(side.typical), [(side.name, "", FIRST)])
 
 
-def prior_sizes(observations: Observations, degrees: np.ndarray) -> Array:
+def keys_of(effect: ErrorMotion, degrees: np.ndarray) -> list[Key]:
+    """The band of each coefficient of an error motion, by their degrees."""
+    return [(effect.axis, _kind(effect), _band(degree)) for degree in degrees.tolist()]
+
+
+def prior_sizes(degrees: np.ndarray, priors: Priors) -> Array:
     """Prior sizes `(m,)` of the coefficients of an error motion, um or urad, by their degrees."""
-    priors = observations.priors
     return np.asarray(priors.error_motion_um / np.maximum(degrees, 1) ** priors.smoothness)
 
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.gaussian_terms.geometry import Geometry, geometry
+from calibration.gaussian_terms.geometry import SETTLED, Geometry, geometry, stepped, summed
 from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, variances
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.outliers import outlying
@@ -26,8 +26,6 @@ from kinematics.transforms import Array
 
 FIRST_STEPS, STEPS, LAST_STEPS = 30, 3, 4
 """Steps of the sizes: before the noise is known, for each noise, and at the end."""
-SETTLED = 0.05
-"""Largest relative change of a size in a step after which the sizes are found."""
 ROUNDS = 8
 """Most rounds of sizes, noise and outliers."""
 SAME_FACTOR, SAME_REPEATS = 0.03, 0.1
@@ -109,9 +107,8 @@ class Structure:
         mean is larger than its likeliest value.
         """
         bands = len(self.band_sizes)
-        determined = np.bincount(self.groups, self.posterior.determined(self.sizes), minlength=bands)[:bands]
-        freedom = np.maximum(determined, 0.0) + self.priors.band_weight
-        larger = np.where(self.data.geometry.fixed, 1.0, np.sqrt(freedom / (freedom - 2.0)))
+        determined = summed(self.groups, self.posterior.determined(self.sizes), bands)[:bands]
+        larger = self.data.geometry.wider(determined, self.priors)
         wider = self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
         return replace(self.posterior, covariance=wider.posterior.covariance)
 
@@ -163,16 +160,8 @@ class Structure:
 
     @property
     def _expected_squares(self) -> Array:
-        """Expected squares of the sizes of bands and terms: of a band, those of its neighbours if these are larger.
-
-        A finer band is expected to go on falling as its prior sizes do, a coarser one to have no smaller coefficients.
-        """
-        geometry = self.data.geometry
-        coarser = geometry.coarser
-        finer = np.flatnonzero(coarser >= 0)
-        of_bands = np.where(coarser >= 0, self.band_sizes[coarser] ** 2, 0.0)
-        by_finer = (geometry.falls[finer] * self.band_sizes[finer]) ** 2
-        of_bands[coarser[finer]] = np.maximum(of_bands[coarser[finer]], by_finer)
+        """Expected squares of the sizes of bands and terms."""
+        of_bands = self.data.geometry.expected_squares(self.band_sizes)
         return np.asarray(np.maximum(np.append(of_bands, np.zeros(len(self.terms))), self.priors.least_share**2))
 
     def with_terms(self, terms: Sequence[Term]) -> Structure:
@@ -198,9 +187,9 @@ class Structure:
         fixed = np.append(self.data.geometry.fixed, np.zeros(len(self.terms), bool))
         for _ in range(steps):
             posterior, before = found.posterior, np.concatenate([found.band_sizes, found.term_sizes])
-            determined = np.bincount(groups, posterior.determined(found.sizes), minlength=counted)
-            squares = np.bincount(groups, posterior.mean**2, minlength=counted) + weight * found._expected_squares
-            new = np.where(fixed, before, np.sqrt(squares / (np.maximum(determined, 0.0) + weight)))
+            determined = summed(groups, posterior.determined(found.sizes), counted)
+            squares = summed(groups, posterior.mean**2, counted)
+            new = np.where(fixed, before, stepped(determined, squares, found._expected_squares, weight))
             found = found.resized(new)
             if np.abs(np.log(new / before)).max(initial=0.0) < SETTLED:
                 break
