@@ -98,6 +98,9 @@ class Axis:
         return read_only(np.asarray(np.eye(3) + k + k @ k / (1.0 + c)))
 
 
+Probing = Literal["", "beside"]
+
+
 @dataclass(frozen=True)
 class Control:
     """Choices of the machine's control that an NC program does not contain."""
@@ -118,6 +121,12 @@ class Control:
     """Programs in other files that a program calls do not change tool, frames and modes (Klartext)."""
     family: Literal["any", "fanuc", "linuxcnc", "grbl"] = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
+    start: str = ""
+    """Position of the axes when a program starts, `X0,Y0,Z5`, mm or degrees, in the coordinates in force at its first
+    move: for programs that begin with increments."""
+    probing: Probing = ""
+    """`beside`: what the probing moves and cycles of a program find changes no coordinate of its contour, and offsets
+    that they set are those of the set-up; without it such programs are refused."""
     block_skip: Literal["", "on", "off"] = ""
     """Position of the block-skip switch: on, so that blocks with a slash do not run, or off; without it a program in
     which it matters is refused."""
@@ -133,6 +142,8 @@ class Control:
     """Axes that Klartext cycle 11 scales (machine parameter 7410); without it such programs are refused."""
     pass_through: tuple[str, ...] = ()
     """Codes, cycles, calls and functions unknown to ncomp that pass unchanged: they move nothing and change no mode."""
+    g53_tool_length: Literal["kept", "suppressed"] = "kept"
+    """Siemens G53, G153 and SUPA: the tool length stays in force in machine coordinates (MD10760 = 0), or not (1)."""
     repeats: Literal["", "truncate", "round"] = ""
     """Number of repeats of Klartext `CALL LBL REP` with a parameter that is not whole: its integer part, or the nearest
     whole number (a half upwards); without it such programs are refused."""

@@ -576,7 +576,7 @@ def test_a_program_without_end(monkeypatch):
 
 
 def test_long_blocks_are_shown_short():
-    message = refusal(SAY + "G31 " + "X1 (" + "a" * 200 + ")\n")
+    message = refusal(SAY + "G33 " + "X1 (" + "a" * 200 + ")\n")
     assert len(message) < 200
     assert "..." in message
 

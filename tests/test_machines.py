@@ -142,7 +142,8 @@ def test_control_entries():
 
 CONTROL_VALUES = {"integer_words": "increments", "increment": 0.01, "arc_centres": "absolute", "family": "linuxcnc",
                   "tool_change_moves": ["X"], "passive_axes": ["E"], "random_toolchanger": True, "block_skip": "on", "tcp_at_start": True, "calls_leave_state": True,
-                  "klartext_arcs": "plane", "rotary_feed": "scaled", "scaled_axes": "XY", "repeats": "round", "pass_through": ["G234"], "unit": "inch"}  # fmt: skip
+                  "klartext_arcs": "plane", "rotary_feed": "scaled", "scaled_axes": "XY", "repeats": "round", "pass_through": ["G234"], "unit": "inch", "start": "X0,Y5",
+                  "probing": "beside", "kinematics_types": ["axes"], "g53_tool_length": "suppressed"}  # fmt: skip
 
 
 @pytest.mark.parametrize("field", dataclasses.fields(Control), ids=lambda field: field.name)

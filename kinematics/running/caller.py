@@ -32,6 +32,7 @@ VALUES = {
     "approach": "any positive negative",
     "basis": "auto polynomial table",
     "block-skip": "on off",
+    "probing": "beside",
     "calibration": "none",
     "columns": "leica polyworks spatialanalyzer",
     "dask": "local",
@@ -40,7 +41,7 @@ VALUES = {
     "engine": "rules terms",
     "error-motions": "all",
     "errors": "none table-1",
-    "family": "any fanuc linuxcnc",
+    "family": "any fanuc linuxcnc grbl",
     "format": "auto ncomp rtl iso230-table ecmc-report cmm epics twincat-scope ballbar-angles robot delimited "
     "csv linuxcnc siemens-eec siemens-cec heidenhain heidenhain-kinematics fanuc isg isg-cross isg-volumetric etalon "
     "mitsubishi klipper reprap linuxcnc-kinematics siemens-trafo5 siemens-tcarr heidenhain-transformations "

@@ -121,6 +121,7 @@ KLARTEXT_M = {
     6.0: "tool change",
     30.0: "end of the program",
     91.0: "machine coordinates: the move stays",
+    92.0: "coordinates from a point of the machine manufacturer: the move stays, and its end is not known",
     94.0: "reduces the displayed position of rotary axes",
     99.0: "calls the cycle",
     126.0: "rotary axes on the shortest way",

@@ -169,6 +169,20 @@ class Channel:
         self.recorder.mark_unknown([self.columns[name] for name in present])
         return present
 
+    def probe(self, block: Block, name: str, axes: Sequence[int] | None = None) -> None:
+        """A probing move of these axes, or a cycle, which moves all and sets variables.
+
+        The user states that the contour is independent of what it finds.
+        """
+        self.recorder.mark_unknown(list(range(len(self.machine.axes))) if axes is None else list(axes))
+        self.notes.add(
+            f"{name} probes: what it finds is taken to change no coordinate of the contour (probing = beside), offsets "
+            "that it sets are taken from the set-up, and the positions after it are unknown",
+            block.line,
+        )
+        if axes is None:
+            self.scope.forget(f"{name} probes and may set it")
+
     def move_for_tool_change(self, block: Block) -> None:
         """A tool change takes the axes of the machine file to positions that the program does not give."""
         names = " ".join(self.mark_unknown(self.machine.control.tool_change_moves)) or "no axis"

@@ -24,5 +24,9 @@ PROGRAM_ENDS = frozenset((2.0, 30.0))
 HARMLESS_M = frozenset(
     map(float, [*range(12), 13, 14, 16, 17, 18, 19, 29, 30, 48, 49, 50, 51, 52, 53, PALLET_CHANGE, 88, 89])
 )
+PROBE_BESIDE = (
+    "probe in a program of its own, or state --probing beside if what it finds changes no coordinate of the contour"
+)
+"""What to do about a probing move."""
 SKIPPABLE_M = HARMLESS_M - PROGRAM_ENDS - {TOOL_CHANGE, PALLET_CHANGE}
 """Whether they run does not change the meaning of other blocks."""

@@ -34,6 +34,8 @@ class Interpreter(ABC):
         self.scope: Variables = channel.scope
         self.recorder: Recorder = channel.recorder
         self.control_state: ControlState = channel.control_state
+        start = channel.setup.start
+        self.recorder.start_at({self.machine.index(name): position for name, position in start.items()})
 
     @property
     def ended(self) -> bool:

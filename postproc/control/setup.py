@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import re
 from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
@@ -11,7 +12,7 @@ import msgspec
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.mistaken import missing
-from kinematics.machine import EVERY_OTHER, Machine
+from kinematics.machine import EVERY_OTHER, Machine, Probing
 from kinematics.touch_off import Datum, read_datum
 from kinematics.user_error import UserError
 from postproc.control.block_skip import BlockSkip
@@ -77,6 +78,10 @@ class Setup(Shown, msgspec.Struct, frozen=True):
     """Some errors are rotations, so that the length of a tool matters also where no length offset is in force."""
     block_skip: BlockSkip = ""
     """Position of the block-skip switch."""
+    start: Mapping[str, float] = msgspec.field(default_factory=dict)
+    """Position of axes when the program starts, mm or degrees, in the coordinates in force at its first move."""
+    probing: Probing = ""
+    """What the program's probing moves and cycles change."""
     pass_through: frozenset[str] = frozenset()
     """Constructs unknown to ncomp that pass unchanged, in capitals without blanks: G234, CYCLE977, FN33, CYCLDEF444."""
     subprograms: tuple[str, ...] = ()
@@ -171,6 +176,23 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
     return "".join(name.split()).upper(), offsets
 
 
+def parse_start(text: str, machine: Machine) -> dict[str, float]:
+    """`X0,Y0,Z5,C=90` as positions by axis, mm or degrees; UserError with the reason for any other form."""
+    found: dict[str, float] = {}
+    for entry in filter(str.strip, text.split(",")):
+        match = re.fullmatch(r"\s*([A-Za-z]\d*(?==)|[A-Za-z])\s*=?\s*(\S.*?)\s*", entry)
+        axis = match[1].upper() if match else ""
+        if match is None or axis not in machine.names:
+            raise UserError(
+                f"--start {text}: machine {machine.name} ({machine.chain}) has no axis {axis or entry.strip()!r}: "
+                "expected X0,Y0,Z5 with '.' as the decimal point"
+            )
+        if axis in found:
+            raise UserError(f"--start {text}: {axis} is given twice: give it once")
+        found[axis] = given_number(match[2], f"--start {text}")
+    return found
+
+
 def parse_datum(text: str, machine: Machine) -> tuple[str, Datum]:
     """`G54=probed@C90,probe=120` as name and datum; UserError with the reason for any other form."""
     name, equals, obtained = text.partition("=")
@@ -212,6 +234,8 @@ def make_setup(
     probed: bool = False,
     zero: bool = False,
     block_skip: BlockSkip = "",
+    start: str = "",
+    probing: Probing = "",
     pass_through: Iterable[str] = (),
     subprograms: Iterable[str | Path] = (),
 ) -> Setup:
@@ -219,9 +243,7 @@ def make_setup(
     table = table or ToolTable()
     _refuse_other_axes(table, machine)
     given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
-    named = [parse_tool_length(text) for text in tool_lengths]
-    given_once(((shown_tool(tool), length) for tool, length in named), "--tool-length ")
-    lengths = dict(named)
+    lengths = _lengths(tool_lengths)
     return Setup(
         machine,
         {**table.work_offsets, **given},
@@ -236,9 +258,18 @@ def make_setup(
         probed=probed,
         zero=zero,
         block_skip=block_skip or machine.control.block_skip,
+        start=parse_start(start or machine.control.start, machine),
+        probing=probing or machine.control.probing,
         pass_through=frozenset(map(construct, (*machine.control.pass_through, *pass_through))),
         subprograms=tuple(map(_folder, subprograms)),
     )
+
+
+def _lengths(texts: Iterable[str]) -> dict[str, float]:
+    """The lengths of tools; UserError for one that is given twice."""
+    named = [parse_tool_length(text) for text in texts]
+    given_once(((shown_tool(tool), length) for tool, length in named), "--tool-length ")
+    return dict(named)
 
 
 def _without_unit(table: ToolTable, lengths: Container[str], offsets: Container[str]) -> dict[str, str]:

@@ -28,6 +28,8 @@ _NUMBER = re.compile(_VALUE)
 _VALUED = re.compile(rf"(DR2(?=[ \t]*[+-])|P[123][XYZ]|[A-Z]+?)[ \t]*({_VALUE}|[+-]?[ \t]*Q[LR]?\d+)", re.IGNORECASE)
 _CONTINUED = re.compile(r"~[ \t]*\r(?!\n)")
 """Lines that end with a carriage return alone, in one block."""
+_COMMENT = re.compile(r"[ \t]*(?:\d+[ \t]*)?;")
+"""The beginning of a block that is a comment."""
 _PARAMETER = re.compile(r"(Q\d+)[ \t]*=[ \t]*(.*?)[ \t]*", re.IGNORECASE)
 
 
@@ -57,7 +59,7 @@ def read_block(line: int, text: str) -> Block:
 def _read_plain(line: int, text: str) -> Block | None:
     match = _PLAIN.fullmatch(text)
     if match is None:
-        return None
+        return _continued_comment(line, text)
     start, end = match.span(1)
     if start < 0:
         return Block(line, text, "blank")
@@ -70,6 +72,26 @@ def _read_plain(line: int, text: str) -> Block | None:
         ]
     )
     return Block(line, text, "line", words)
+
+
+def _continued_comment(line: int, text: str) -> Block | None:
+    """A block of a comment alone that goes on behind `~`; None for others. Refusal where that might be a block."""
+    first, *more = text.split("\n")
+    if not any(more) or not _COMMENT.match(first):
+        return None
+    for number, rest in enumerate(filter(str.strip, more), start=1):
+        try:
+            kind = parse_block(line + number, rest).kind
+        except Refusal:
+            continue
+        if kind != "blank":
+            raise Refusal(
+                line,
+                text,
+                f"line {number + 1} of this comment, {rest.strip()!r}, may be a block that the control does not run: "
+                "take out the ~ before it, or begin it with a semicolon",
+            )
+    return Block(line, text, "blank")
 
 
 def parse_block(line: int, text: str) -> Block:

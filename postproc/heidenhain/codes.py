@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from postproc.control.codes import PROBE_BESIDE
+
 # Neither move the tool nor change where coordinates point: spindle, coolant, stops, feed modes, path modes, monitoring,
 # and what takes back something that is refused or was never there.
 HARMLESS_M = frozenset(
@@ -13,10 +15,9 @@ HARMLESS_M = frozenset(
 SKIPPABLE_M = frozenset(map(float, (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19)))
 """Spindle, coolant and stops: whether they run does not change the meaning of other blocks."""
 PROGRAM_END_M = frozenset((2.0, 30.0))
-MEANT_M = frozenset((6.0, 91.0, 94.0, 99.0, 126.0, 127.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
+MEANT_M = frozenset((6.0, 91.0, 92.0, 94.0, 99.0, 126.0, 127.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
 REFUSED_M = {
     89.0: "calls a cycle after every move, which is not followed: write M99 in each block",
-    92.0: "refers to a position of the machine manufacturer, which is not known: write M91",
     **dict.fromkeys((95.0, 96.0, 97.0, 98.0), "changes the path at corners, which is not corrected"),
     101.0: "changes to a replacement tool, whose length is not known: write TOOL CALL",
     104.0: "returns to an earlier datum, which is not known: write cycle 247",
@@ -99,5 +100,5 @@ MOVING_KINDS = frozenset(
 REFUSED_KINDS = {
     "free_contour": "free contours (FK) are not corrected: write L and C",
     "selection": "ncomp does not read the file that SEL selects",
-    "probe": "the end of a probing move is not known",
+    "probe": f"the end of a probing move is not known: {PROBE_BESIDE}",
 }

@@ -54,6 +54,13 @@ WAYS = {126.0: Way.SHORTEST, 127.0: Way.AS_WRITTEN}
 """M functions for the way of rotary axes, until the other one."""
 WITH_END = frozenset(("LCT",))
 """Departures whose end is in the block; the others end at a length, or on an arc, beyond the contour."""
+OUTPUT_FN = frozenset((16, 20, 38))
+"""Functions that write a text, wait for the PLC or send a message."""
+SKIPPABLE_CYCLE = re.compile(r"CYCL DEF (9|32)\.", re.IGNORECASE)
+"""The dwell and the tolerance."""
+BUILDER_M = 92.0
+MACHINE_M = frozenset((91.0, BUILDER_M))
+"""The coordinates of the block count from a point of the machine."""
 _FN = re.compile(r"FN ?(\d+)", re.IGNORECASE)
 
 
@@ -109,6 +116,9 @@ class HeidenhainInterpreter(Interpreter):
         if self.modal.ended and block.kind != "begin_pgm":
             if block.kind != "end_pgm":
                 self.note_after_end(block)
+        elif block.kind == "probe" and self.channel.setup.probing and not block.skippable:
+            self.channel.probe(block, " ".join(block.detail.split()[:3]))
+            self.arcs.pole = None
         elif block.kind in REFUSED_KINDS:
             raise block.refuse(f"{block.detail}: {REFUSED_KINDS[block.kind]}")
         elif block.skippable and not _may_be_skipped(block):
@@ -141,7 +151,7 @@ class HeidenhainInterpreter(Interpreter):
         if content.names and 94.0 not in content.m:
             name = next(iter(content.names))
             raise block.refuse(f"the axis {name} has no coordinate: write a number behind it")
-        if 91.0 in content.m:
+        if not MACHINE_M.isdisjoint(content.m):
             self._machine_move(index, block, content)
         else:
             self._move(index, block, content)
@@ -181,12 +191,23 @@ class HeidenhainInterpreter(Interpreter):
             self.modal.compensated = False
 
     def _machine_move(self, index: int, block: Block, content: Content) -> None:
+        """M91, or M92: from a point that only the machine manufacturer knows, so that the end is not known."""
+        name = "M92" if BUILDER_M in content.m else "M91"
         if block.kind != "line":
-            raise block.refuse("M91 needs a straight line: write L")
+            raise block.refuse(f"{name} needs a straight line: write L")
         if self.modal.tcp:
-            raise block.refuse("M91 while M128 is on is not allowed by HEIDENHAIN: write M129 before it")
-        if content.axes:
-            self.channel.move_to_machine_position(index, block, self.channel.axis_words(block, content.axes))
+            raise block.refuse(f"{name} while M128 is on is not allowed by HEIDENHAIN: write M129 before it")
+        words = self.channel.axis_words(block, content.axes)
+        if BUILDER_M not in content.m:
+            if words:
+                self.channel.move_to_machine_position(index, block, words)
+            return
+        self.channel.mark_unknown([self.machine.names[word.axis] for word, _ in words])
+        self.notes.add(
+            "M92 counts from a point of the machine manufacturer: the move stays as programmed, and the positions of "
+            "its axes after it are taken as unknown",
+            block.line,
+        )
 
     def _approach(self, index: int, block: Block, content: Content) -> None:
         """APPR LT, LN, CT, LCT to the first point of a contour; DEP from the last one.
@@ -333,9 +354,19 @@ class HeidenhainInterpreter(Interpreter):
 
 
 def _may_be_skipped(block: Block) -> bool:
-    """Whether no other block depends on this one: STOP, and M functions that move nothing."""
-    functions = all(word.address == "M" and (word.value or 0.0) in SKIPPABLE_M for word in block.words)
-    return block.kind in ("stop", "miscellaneous") and functions
+    """Whether no other block depends on this one: STOP, M functions that move nothing, outputs, dwell and tolerance."""
+    match block.kind:
+        case "stop" | "miscellaneous" | "line":
+            return all(
+                word.address == "S" or (word.address == "M" and word.value in SKIPPABLE_M) for word in block.words
+            )
+        case "fn":
+            return block.code is None and (found := _FN.match(block.detail)) is not None and int(found[1]) in OUTPUT_FN
+        case "cycle_def":
+            return SKIPPABLE_CYCLE.match(block.detail) is not None
+        case "tool_def":
+            return all(word.address == "T" for word in block.words)
+    return False
 
 
 def _vector(block: Block, kind: str) -> list[float] | None:

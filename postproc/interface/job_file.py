@@ -41,6 +41,8 @@ class _Content(msgspec.Struct, forbid_unknown_fields=True):
     table_unit: Literal["mm", "inch"] | None = None
     set_up_zero: bool = False
     block_skip: Literal["on", "off"] | None = None
+    start: str | None = None
+    probing: Literal["beside"] | None = None
     pass_through: tuple[str, ...] = ()
     subprograms: tuple[str, ...] = ()
     work_offsets: Offsets = {}
@@ -243,6 +245,8 @@ class _Reader:
             "table_unit": content.table_unit,
             "zero": content.set_up_zero,
             "block_skip": content.block_skip,
+            "start": content.start,
+            "probing": content.probing,
             "pass_through": content.pass_through,
             "subprograms": tuple(self._here(name) for name in content.subprograms),
         }

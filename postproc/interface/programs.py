@@ -45,6 +45,8 @@ def set_up(
     datum: Texts = (),
     zero: bool = False,
     block_skip: Literal["on", "off"] | None = None,
+    start: str | None = None,
+    probing: Literal["beside"] | None = None,
     pass_through: Iterable[str] = (),
     subprograms: Iterable[str | Path] = (),
 ) -> Setup:
@@ -54,8 +56,9 @@ def set_up(
     `T1=mm` or `{"T1": 80}`; tool_table: tables of a control; table_unit: unit of the lengths in tables that do not
     state it, by default that of the machine file, or mm; datum: how an offset was obtained,
     `G54=probed` (the default) or `G54=true`; zero: offsets and lengths that are not given are zero; block_skip: `on`,
-    blocks with a slash do not run, or `off`; pass_through: constructs unknown to ncomp that pass unchanged (`G234`);
-    subprograms: folders of programs that a program may call, in addition to its own folder.
+    blocks with a slash do not run, or `off`; start: where the tool stands when the program starts, `X0,Y0,Z5`; probing:
+    `beside`, what probing moves and cycles find changes no coordinate of the contour; pass_through: constructs unknown
+    to ncomp that pass unchanged (`G234`); subprograms: folders of programs that a program may call, besides its own.
 
     UserError for an axis that the machine does not have, a value that is no number, and a table that cannot be read.
 
@@ -68,18 +71,10 @@ def set_up(
 
     found = load_machine(machine)
     tables = read_tool_tables([Path(path) for path in tool_table], table_unit or found.control.unit)
-    return make_setup(
-        found,
-        texts(work_offset),
-        texts(tool_length),
-        tables,
-        texts(datum),
-        probed=True,
-        zero=zero,
-        block_skip=block_skip or "",
-        pass_through=[name for text in pass_through for name in text.split(",") if name.strip()],
-        subprograms=subprograms,
-    )
+    passing = [name for text in pass_through for name in text.split(",") if name.strip()]
+    stated: dict[str, Any] = {"block_skip": block_skip or "", "start": start or "", "probing": probing or ""}
+    given = texts(work_offset), texts(tool_length), tables, texts(datum)
+    return make_setup(found, *given, probed=True, zero=zero, **stated, pass_through=passing, subprograms=subprograms)
 
 
 @public

@@ -11,6 +11,7 @@ from postproc.control.codes import (
     MOTION,
     PALLET_CHANGE,
     PLANES,
+    PROBE_BESIDE,
     TOOL_CHANGE,
 )
 from postproc.motion.arcs import CENTRES
@@ -80,6 +81,8 @@ ENDS = (SCALE_END, MIRROR_END, ROTATION_END, PRESET_END)
 BESIDE_COORDINATE_CHANGES = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
 """Codes that may be in a block with one of those."""
 NAMING = NOT_MOVING | COORDINATE_CHANGES
+TOWARDS = frozenset((38.2, 38.3, 38.4, 38.5))
+"""Probing moves of LinuxCNC and grbl, which are modal."""
 ONE_SHOT = NAMING | {28.0, 30.0, 53.0}
 GROUPS = (
     frozenset(MOTION) | CYCLES,
@@ -101,6 +104,8 @@ GROUPS = (
 
 G80 may be in a block with G0 to G3: FANUC and LinuxCNC end the cycle and run the motion, others refuse the block."""
 
+PROBING = frozenset((31.0, 37.0, *TOWARDS))
+"""Move until the probe switches."""
 REFUSED_G = {
     **dict.fromkeys((5.2, 5.3, 6.2), "programs a spline, which is not corrected"),
     7.0: "selects diameter programming, which is not corrected",
@@ -109,10 +114,7 @@ REFUSED_G = {
         "selects polar or cylindrical interpolation, which is not corrected",
     ),
     **dict.fromkeys((12.0, 13.0, 150.0), "mills a pocket by a cycle of the control, which is not corrected"),
-    **dict.fromkeys(
-        (31.0, 37.0, 38.2, 38.3, 38.4, 38.5),
-        "is a probing move, and its end position is not known from the program: probe in a program of its own",
-    ),
+    **dict.fromkeys(PROBING, f"is a probing move, and its end position is not known from the program: {PROBE_BESIDE}"),
     28.2: "references the axes, and their positions after it are not known to ncomp: reference them before the program",
     **dict.fromkeys((32.0, 33.0, 33.1), "cuts a thread, which is not corrected"),
     76.0: 'is threading on LinuxCNC and fine boring on FANUC: write family = "fanuc" in the machine file',

@@ -61,11 +61,12 @@ class CoordinateChange(NamedTuple):
                 "or the table are rotated: write it before the rotation"
             )
         for axis in self.shifts:
-            if recorder.known[axis] != Known.PROGRAM:
+            if recorder.known[axis] != Known.PROGRAM and axis not in recorder.start.at:
                 name = self.channel.machine.names[axis]
                 raise self.content.refuse(
                     f"the preset of {name} needs a programmed position: write a move of {name} in this frame before it"
                 )
+        recorder.start.leave(())
         return {axis: recorder.position[axis] for axis in self.shifts}
 
 

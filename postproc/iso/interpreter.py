@@ -34,11 +34,13 @@ from postproc.iso.codes import (
     POLAR,
     POLAR_END,
     PRESET_END,
+    PROBING,
     REFUSED_G,
     ROTATION_END,
     SCALE,
     SCALE_END,
     TOOL_IS,
+    TOWARDS,
     TURNS,
 )
 from postproc.iso.coordinate_presets import cancel_preset, change_coordinates
@@ -159,6 +161,8 @@ class IsoInterpreter(Interpreter):
                 self._move(index, content)
         elif claimed in COORDINATE_CHANGES:
             self._change_coordinates(index, content, claimed)
+        elif claimed in PROBING:
+            self._probe(content, claimed)
         elif claimed not in NOT_MOVING:
             self._leave_path(index, content, claimed)
         if moves and not AFTER_MOTION.isdisjoint(content.m) and family != "linuxcnc":
@@ -207,6 +211,8 @@ class IsoInterpreter(Interpreter):
                 claimed = code
                 if code in (5.0, 5.1):
                     _check_speed(content, code)
+            elif code in PROBING and channel.setup.probing:
+                claimed = code
             elif code in OFFSET_CODES:
                 select_offset(channel, content, code)
             elif code in LENGTH_CODES:
@@ -306,6 +312,14 @@ class IsoInterpreter(Interpreter):
         if not modal.absolute or modal.motion not in (0.0, 1.0):
             raise content.refuse("G53 needs G90 and G0 or G1: write them before it")
         self.channel.move_to_machine_position(index, content.block, words)
+
+    def _probe(self, content: Content, code: float) -> None:
+        """A probing move; G38.2 to G38.5 are modal, so that coordinates after them need a code."""
+        self._refuse_compensated(content)
+        words = self.channel.axis_words(content.block, content.axes)
+        self.channel.probe(content.block, f"G{code:g}", [word.axis for word, _ in words])
+        if code in TOWARDS:
+            self.modal.motion = self.modal.cycle = None
 
     def _move(self, index: int, content: Content) -> None:
         channel, modal = self.channel, self.modal

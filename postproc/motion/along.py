@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from kinematics.transforms import Array
-from postproc.motion.circles import sweep
+from postproc.motion.circles import SAME, sweep
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc
 
@@ -34,3 +36,18 @@ def round_the_circle(arc: Arc, ends: tuple[complex, complex], shares: Array) -> 
     turned = sweep((start.real, start.imag), (end.real, end.imag), arc.centre, arc.sense, arc.full, arc.turns)
     grown = abs(end - centre) / abs(start - centre) if start != centre else 1.0
     return np.asarray(centre + (start - centre) * np.exp(1j * turned * shares) * (1.0 + shares * (grown - 1.0)))
+
+
+def heading(
+    start: tuple[float, ...], end: tuple[float, ...], arc: Arc | None, plane: tuple[int, int, int]
+) -> tuple[float, float] | None:
+    """Unit direction in a plane at the end of a move, programmed coordinates; None if there is none."""
+    i, j, _ = plane
+    if arc is None:
+        x, y = end[i] - start[i], end[j] - start[j]
+    elif arc.plane == plane:
+        x, y = -arc.sense * (end[j] - arc.centre[1]), arc.sense * (end[i] - arc.centre[0])
+    else:
+        return None
+    length = math.hypot(x, y)
+    return (x / length, y / length) if length > SAME else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -36,6 +38,27 @@ class Known(IntEnum):
     given offsets, so the axis is not corrected and no word is added for it."""
     PROGRAM = 2
     """Programmed in the present frame: the axis is at a corrected position."""
+
+
+@dataclass
+class StartPosition:
+    """The position of the axes when the program starts, as the user declares it: where the tool stands, uncorrected."""
+
+    at: dict[int, float] = field(default_factory=dict)
+    """Axes that are still there, by column; mm or degrees, in the coordinates that are in force at the first move."""
+    begun: bool = False
+    """Something has moved."""
+
+    @property
+    def pending(self) -> dict[int, float]:
+        """The positions as long as nothing has moved: they hold in every frame until then."""
+        return {} if self.begun else dict(self.at)
+
+    def leave(self, axes: Iterable[int]) -> None:
+        """Some axes have moved, or are named."""
+        self.begun = True
+        for axis in axes:
+            self.at.pop(axis, None)
 
 
 class AxisWord(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from kinematics.machine import Machine
+from postproc.motion.along import heading
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import BY_ROW, Motions
-from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
+from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd, StartPosition
 from postproc.motion.plain_moves import PlainMoves
 from postproc.motion.probe_lengths import ProbeLengths
 from postproc.motion.rotary_words import RotaryAxes
@@ -72,6 +72,8 @@ class Recorder:
     _probes: ProbeLengths = field(init=False, default_factory=ProbeLengths)
     used: Frame | None = field(init=False, default=None)
     """The frame of the last programmed move."""
+    start: StartPosition = field(init=False, default_factory=StartPosition)
+    """The axes that are still where the user says that the program starts."""
     rotary: RotaryAxes = field(init=False)
     """The ways and turns of the rotary axes."""
 
@@ -92,15 +94,22 @@ class Recorder:
         derives them from the program: two offsets that nobody has entered are both zero here and differ on the
         machine. None for the axes whose offset differs.
         """
+        declared = self.start.pending
         self.mark_uncertain(self._moved_by(frame) if axes is None else axes)
         before, self.frame = self.frame, frame
-        if frame == before:
-            if (frame.work_offset, frame.tool_name) != (before.work_offset, before.tool_name):
-                self._frames.append(frame)
-            return
-        q = to_machine(self.machine, before, np.array([self.position]))
-        self.position = to_program(self.machine, frame, q)[0].tolist()
-        self._frames.append(frame)
+        if frame != before:
+            q = to_machine(self.machine, before, np.array([self.position]))
+            self.position = to_program(self.machine, frame, q)[0].tolist()
+            self._frames.append(frame)
+        elif (frame.work_offset, frame.tool_name) != (before.work_offset, before.tool_name):
+            self._frames.append(frame)
+        self.start_at(declared)
+
+    def start_at(self, positions: Mapping[int, float]) -> None:
+        """Take positions, mm and degrees by column, for those at which the program starts, in the present frame."""
+        for axis, position in positions.items():
+            self.record_machine_position(axis, position)
+        self.start.at.update(positions)
 
     def move(
         self,
@@ -124,7 +133,7 @@ class Recorder:
             self._by_row["arcs"][self._row] = arc
         before = tuple(self.known)
         for word in words:
-            if not word.incremental:
+            if not word.incremental or word.axis in self.start.at:
                 self.known[word.axis] = Known.PROGRAM
         polar: Polar | None = self._by_row["polars"].get(self._row) if self._by_row["polars"] else None
         for axis in () if polar is None else polar.axes:
@@ -175,6 +184,7 @@ class Recorder:
             self._by_row["rotary_words"].update(self.rotary.words_of_run(self._joined - lines, run, moves.target))
         start, target, _, known = (column[-1].tolist() for column in moves)
         self.position, self.known = target, [Known(value) for value in known]
+        self.start.leave(axis for axis, value in enumerate(known) if value == Known.PROGRAM)
         self._last = (self.frame, tuple(start), tuple(target), arcs.get(lines - 1))
         self.used = self.frame
 
@@ -271,7 +281,7 @@ class Recorder:
             else:
                 name = self.machine.names[word.axis]
                 raise block.refuse(
-                    f"an increment of {name} needs a known start: write an absolute position of {name} before it"
+                    f"an increment of {name} needs a known start: write an absolute {name} before it, or state --start"
                 )
         return target
 
@@ -285,23 +295,13 @@ class Recorder:
 
     def heading(self, plane: tuple[int, int, int]) -> tuple[float, float] | None:
         """Unit direction in a plane at the end of the last move; None if there is none in this frame."""
-        if self._last is None or self._last[0] != self.frame:
-            return None
-        _, start, end, arc = self._last
-        i, j, _ = plane
-        if arc is None:
-            x, y = end[i] - start[i], end[j] - start[j]
-        elif arc.plane == plane:
-            x, y = -arc.sense * (end[j] - arc.centre[1]), arc.sense * (end[i] - arc.centre[0])
-        else:
-            return None
-        length = math.hypot(x, y)
-        return (x / length, y / length) if length > SAME else None
+        return None if self._last is None or self._last[0] != self.frame else heading(*self._last[1:], plane)
 
     def mark_uncertain(self, axes: Iterable[int] | None = None) -> None:
         """Mark these axes, or all, uncertain: no word is added for them until the program gives their position."""
         for axis in range(len(self.known)) if axes is None else axes:
             self.known[axis] = min(self.known[axis], Known.MACHINE)
+            self.start.at.pop(axis, None)
 
     def mark_unknown(self, axes: list[int]) -> None:
         """Mark the positions of these axes unknown; they are assumed at home."""
@@ -311,6 +311,7 @@ class Recorder:
             q[axis] = self.machine.axes[axis].home * self.machine.scale[axis]
             self.known[axis] = Known.ASSUMED
             self.rotary.turns[axis] = 0.0
+            self.start.at.pop(axis, None)
         for axis in self._coupled(axes):
             self.known[axis] = Known.ASSUMED
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
@@ -368,6 +369,7 @@ class Recorder:
     ) -> None:
         start = tuple(self.position)
         self.position = list(target)
+        self.start.leave(() if kind is Kind.PRESET else (word.axis for word in words))
         if found := self.rotary.words_of_move():
             self._by_row["rotary_words"][self._row] = found
         frame = len(self._frames) - 1

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 from postproc.control import channel
 from postproc.control.channel import AxisWords
-from postproc.control.codes import HARMLESS_M, PLANES
-from postproc.siemens.codes import END_OF_SUBPROGRAM, FEED_MODES, UNITS
+from postproc.control.codes import HARMLESS_M, PLANES, PROBE_BESIDE
+from postproc.siemens.codes import END_OF_SUBPROGRAM, FEED_MODES, MEASURING, UNITS
 from postproc.siemens.modal_state import ModalState
 from postproc.siemens.polar import Polar
 from postproc.siemens.variables import SiemensVariables
@@ -28,6 +28,15 @@ class Channel(channel.Channel):
     units: ClassVar[Mapping[float, float]] = UNITS
     feed_modes: ClassVar[frozenset[float]] = FEED_MODES
     with_own_variables = OF_CONTROL
+
+    def accept(self, block: Block, name: str, reason: str, *, moves: bool = False) -> None:
+        """Pass a name that is not known: a measuring cycle by --probing, others by --pass-through."""
+        if MEASURING.fullmatch(name) is not None:
+            if self.setup.probing and not moves and not block.skippable:
+                self.probe(block, name)
+                return
+            reason = f"{name} is not known to ncomp, and the end of a probing cycle is not known: {PROBE_BESIDE}"
+        super().accept(block, name, reason, moves=moves)
 
     def take_mode(self, block: Block, code: float) -> bool:
         """Take over a modal G code; another plane has no polar coordinates yet."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from postproc.control.codes import DISTANCES, DWELL, INCH, MOTION, PLANES
 from postproc.motion.arcs import CENTRES
 
@@ -60,14 +62,14 @@ HARMLESS_NAMES = _all(
     "ORIAXES ORIVECT ORIEULER ORIRPY ORIMACHAX ORIPLANE NORM KONT KONTC KONTT CUT2D CUT2DF SPATH UPATH "
     "WALIMON WALIMOF RTLION RTLIOF DYNNORM DYNPOS DYNROUGH DYNSEMIFIN DYNFINISH DYNPREC GROUP_END BLSYNC OVRA "
     "STARTFIFO STOPFIFO FIFOCTRL COMPON COMPCURV COMPCAD COMPSURF PATHCTRL AXCTSWED DISC LIFTFAST CPRECON CPRECOF "
-    "OST OSOF OSS OSC OSSE OSD ORISON ORISOF PAROTOF TOROTOF TOFRAMEOF EXTERN FENDNORM SCPARA ADISPOSA"
+    "OST OSOF OSS OSC OSSE OSD ORISON ORISOF PAROTOF TOROTOF TOFRAMEOF EXTERN FENDNORM SCPARA ADISPOSA SETMS"
 )
 """Modes of speed and smoothing, of the path through the rotary axes where these are programmed themselves, resets."""
 FRAME_ENDS = _all("PAROTOF TOROTOF TOFRAMEOF")
 """They end rotations of the table and of the tool, which only CYCLE800 may have set here."""
 HARMLESS_CALLS = _all(
     "MSG SETAL CYCLE832 CYCLE62 GROUP_BEGIN GROUP_END WORKPIECE FGROUP STOPRE SPCON SPCOF WAITM FFWON DELAYFSTON "
-    "SOFTA BRISKA DRIVEA SPOS WAITS WAITP"
+    "SOFTA BRISKA DRIVEA SPOS WAITS WAITP SETMS SETM CLEARM WAITMC"
 )
 SKIPPABLE_G = frozenset((DWELL, 9.0, 60.0, 64.0, *map(float, range(641, 646))))
 SKIPPABLE_NAMES = (HARMLESS_NAMES | HARMLESS_CALLS) - FRAME_ENDS - {"CYCLE832"}
@@ -86,6 +88,8 @@ CYCLES_ELSEWHERE = _all(
 """Cycles whose positions are arguments."""
 CYCLES = CYCLES_AT_POSITION | CYCLES_ELSEWHERE
 
+MEASURING = re.compile(r"CYCLE(9[67]\d|982|99\d)")
+"""Measuring cycles."""
 REFUSED_NAMES = {
     **dict.fromkeys(
         ("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "begins a spline, which is not corrected: write G1, G2 or G3"
@@ -113,7 +117,8 @@ REFUSED_NAMES = {
         "rotates the coordinates, which is not followed: write ROT, AROT or CYCLE800",
     ),
     **dict.fromkeys(
-        ("MEAS", "MEAW", "MEASA", "MEAWA"), "probes, and the end of a probing move is not known: remove it"
+        ("MEAS", "MEAW", "MEASA", "MEAWA"),
+        "probes, and the end of a probing move is not known: probe in a program of its own",
     ),
     **dict.fromkeys(
         ("CUT3DC", "CUT3DF", "CUT3DFS", "CUT3DFF"),

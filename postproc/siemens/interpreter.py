@@ -213,7 +213,8 @@ class SiemensInterpreter(Interpreter):
         if words and (modal.tcp or modal.cycle is not None):
             raise block.refuse("machine coordinates while TRAORI or MCALL is on are not corrected: end it before them")
         if words:
-            self.channel.move_to_machine_position(index, block, words, modal.length)
+            kept = self.machine.control.g53_tool_length == "kept"
+            self.channel.move_to_machine_position(index, block, words, modal.length if kept else 0.0)
             modal.polar.clear()
 
     def _move(self, index: int, block: Block, content: Content, *, divisible: bool) -> Block:
@@ -275,7 +276,8 @@ class SiemensInterpreter(Interpreter):
 
     def _check_increments(self, block: Block, programmed: Programmed) -> None:
         for word, _ in programmed.words:
-            if word.incremental and self.recorder.known[word.axis] == Known.MACHINE:
+            declared = word.axis in self.recorder.start.at
+            if word.incremental and self.recorder.known[word.axis] == Known.MACHINE and not declared:
                 name = self.machine.names[word.axis]
                 raise block.refuse(
                     f"an increment of {name} before its first absolute position in this frame depends on settings of "

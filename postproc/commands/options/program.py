@@ -74,6 +74,16 @@ class SetUpOptions(ToolOptions):
         "Position of the block-skip switch: with `on`, blocks with a slash do not run. Default: that of the machine "
         "file; without it a program in which it matters is refused."
     )
+    start: str | None = option(
+        "Position of the axes when the program starts, mm and degrees, in the coordinates that are in force at its "
+        "first move: for programs that begin with increments.",
+        "X0,Y0,Z5",
+    )
+    probing: Literal["beside"] | None = option(
+        "With `beside`, probing moves and cycles of the program pass: what they find changes no coordinate of its "
+        "contour, and offsets that they set are those of the set-up. Default: that of the machine file; without it "
+        "such programs are refused."
+    )
     pass_through: str | None = option(
         "Codes, cycles, calls and functions unknown to ncomp that pass unchanged, because on this control they move "
         "nothing and change no mode: G234,CYCLE977,FN33.",
@@ -90,6 +100,8 @@ class SetUpOptions(ToolOptions):
         own = {
             "work_offset": self.work_offset,
             "block_skip": self.block_skip,
+            "start": self.start,
+            "probing": self.probing,
             "pass_through": self.passing,
             "subprograms": tuple((self.subprograms or "").split(",")) if self.subprograms is not None else (),
         }

@@ -116,6 +116,7 @@ _FORMULAS: dict[str, Callable[[list[Any]], Expression]] = {
     "expression": _expression,
     "signed": _signed,
     "group": lambda parts: formula(parts[0]),
+    "listed": lambda parts: Operation("SET", tuple(formula(part) for part in parts)),
     "function": lambda parts: Operation(str(parts[0]).upper(), _operands(parts[1])),
     "reference": _reference,
 }
@@ -131,7 +132,7 @@ def valued(node: Tree[Token]) -> Word | Assign | Fill:
     assert isinstance(value, Tree)
     address = name.upper()
     is_word = (name.type == "ADDRESS" and not re.fullmatch(r"R\d*", address)) or address in ADDRESSES
-    if not is_word or indices:
+    if not is_word or indices or value.data == "listed":
         assert not indices or isinstance(indices[0], Tree)
         target, given = variable(address, indices[0] if indices else None), formula(value)  # type: ignore[arg-type]
         several = isinstance(given, Operation) and given.name in ("SET", "REP")
@@ -200,7 +201,7 @@ def _declare(parts: list[Any]) -> list[Step]:
             continue
         name, *rest = item.children
         indices = [part for part in rest if part.data == "indices"]
-        values = [part for part in rest if part.data == "expression"]
+        values = [part for part in rest if part.data in ("expression", "listed")]
         sizes = tuple(formula(size) for size in indices[0].children) if indices else ()
         variable_ = variable(str(name))
         if len(str(name)) == 1:

@@ -1,0 +1,176 @@
+"""What a program leaves open and the user states: where the tool stands at its start, and what probing finds."""
+
+import pytest
+from support.command import refusal, succeed
+from support.machine_texts import machine_text
+from support.programs import load, shifted
+
+import ncomp
+from kinematics.user_error import UserError
+
+HEADS = {"iso": "G21 G17 G54\n", "siemens": "G71 G17 G54\nT1 D1\n", "heidenhain": "BEGIN PGM A MM\n"}
+ENDS = {"iso": "M2\n", "siemens": "M30\n", "heidenhain": "END PGM A MM\n"}
+
+
+def places(text, dialect, **stated):
+    """X, Y, Z of the gantry, mm, after each move."""
+    setup = ncomp.set_up("gantry", work_offset=["G54=100,200,0", "0=100,200,0"], tool_length=["T1=0"], **stated)
+    done = ncomp.correct(
+        HEADS[dialect] + text + ENDS[dialect], "gantry", "none", dialect=dialect, setup=setup, travel_check=False
+    )
+    return done.moves.machine_target.tolist()
+
+
+# a program that begins with increments, from X1 Y2 Z5: by hand
+INCREMENTS = {
+    "iso": "G91 G1 X10. Z-1. F300\nG2 X10. Y0. I5. J0.\nG90 G1 X0.\n",
+    "siemens": "G91 G1 X10 Z-1 F300\nG2 X10 Y0 I5 J0\nG90 G1 X0\n",
+    "heidenhain": "L IX+10 IZ-1 R0 F300\nL IX+10\nL X+0\n",
+}
+
+
+@pytest.mark.parametrize("dialect", INCREMENTS)
+def test_increments_count_from_the_declared_start(dialect):
+    found = places(INCREMENTS[dialect], dialect, start="X1,Y2,Z5")
+    assert found == [[111.0, 202.0, 4.0], [121.0, 202.0, 4.0], [100.0, 202.0, 4.0]]
+    with pytest.raises(UserError, match="an increment of X"):
+        places(INCREMENTS[dialect], dialect)
+
+
+def test_the_start_itself_is_not_corrected():
+    """The first increment takes the whole correction, 3 um along X; the next ones keep it, and Y gets its own."""
+    machine = load("gantry")
+    text = "G21 G91 G17 G54\nG1 X10. F300\nX10.\nY5.\nG90 X0.\nM2\n"
+    setup = ncomp.set_up(machine, zero=True, start="X0,Y0,Z0", datum=["G54=true"])
+    done = ncomp.correct(text, machine, shifted(machine, X=3.0, Y=-2.0), setup=setup, travel_check=False)
+    lines = done.text.splitlines() if isinstance(done.text, str) else done.text.decode().splitlines()
+    assert lines[2:6] == ["G1 X9.9970 F300", "X10.", "Y5.0020", "G90 X-0.0030"]
+
+
+def test_a_position_set_at_the_declared_start():
+    """G92 and G10 L20 name the place where the tool stands: X1 becomes X0."""
+    assert places("G90\nG92 X0. Y0.\nG1 X5. F100\n", "iso", start="X1,Y2,Z5")[-1] == [106.0, 202.0, 5.0]
+    assert places("G90\nG10 L20 P0 X0. Y0.\nG1 X5. F100\n", "iso", start="X1,Y2,Z5")[-1] == [106.0, 202.0, 5.0]
+    assert places("G90\nG92 X0.\nG91 G1 X5. Y1. F100\n", "iso", start="X1,Y2,Z5")[-1] == [106.0, 203.0, 5.0]
+
+
+def test_the_start_is_in_the_coordinates_of_the_first_move():
+    """In TRANS X50 the tool stands at X1 of the shifted coordinates."""
+    assert places("TRANS X50\nG91 G1 X1 F100\n", "siemens", start="X1,Y2,Z5")[-1] == [152.0, 202.0, 5.0]
+
+
+def test_a_tool_change_takes_its_axes_from_the_start():
+    with pytest.raises(UserError, match="an increment of Z needs a known start"):
+        places("G91 T1 M6\nG1 Z-1. F300\n", "iso", start="X1,Y2,Z5")
+
+
+def test_start_in_files(tmp_path):
+    (tmp_path / "a.nc").write_text(HEADS["iso"] + INCREMENTS["iso"] + ENDS["iso"])
+    (tmp_path / "mill.toml").write_text(machine_text(more='[control]\nstart = "X1,Y2,Z5"\n'))
+    line = ("--set-up-zero", "--no-travel-check", "--calibration", "none")
+    program, mill = tmp_path / "a.nc", tmp_path / "mill.toml"
+    succeed(program, "--machine", mill, *line, "-o", tmp_path / "b.nc")
+    succeed(program, "--machine", "gantry", *line, "--start", "X1,Y=2,z5", "-o", tmp_path / "b.nc")
+    job = 'machine = "gantry"\ncalibration = "none"\nset_up_zero = true\nstart = "X1,Y2,Z5"\n[programs]\n"a.nc" = "b.nc"\n'
+    (tmp_path / "job.toml").write_text(job + "[correction]\ntravel_check = false\n")
+    (tmp_path / "b.nc").unlink()
+    succeed(tmp_path / "job.toml")
+    assert (tmp_path / "b.nc").read_bytes() == program.read_bytes()
+    for bad, reason in {
+        "X1,X2": "X is given twice",
+        "Q5": "has no axis 'Q'",
+        "X1.5.2": "X1.5.2",
+        "5": "expected X0,Y0",
+    }.items():
+        assert reason in refusal(program, "--machine", "gantry", *line, "--start", bad)
+
+
+# ---- probing
+
+PROBING = {
+    "iso": ("G90 G0 X10. Y10. Z5.\nG31 Z-5. F100\nG0 Z5.\nX10. Y10.\nG1 X20. F300\n", "G1 X[20.+#5063] F300\n"),
+    "siemens": ("G90 G0 X10 Y10 Z5\nR1=3\nCYCLE978(0,1,1,1,10,1,0,0,1)\nG0 Z5\nX10 Y10\nG1 X20 F300\n", "G1 X=20+R1\n"),
+    "heidenhain": (
+        "L X+10 Y+10 Z+5 R0 FMAX\nQ5 = 3\nTCH PROBE 412 DATUM INSIDE CIRCLE ~\n Q321=+0 ;CENTER ~\n Q322=+0\n"
+        "L Z+5 FMAX\nL X+10 Y+10\nL X+20 F300\n",
+        "L X+Q5\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("dialect", PROBING)
+def test_a_contour_beside_probing(dialect):
+    """Positions behind the probing are those of the program; what depends on its result is refused all the same."""
+    text, dependent = PROBING[dialect]
+    assert places(text, dialect, probing="beside")[-1] == [120.0, 210.0, 5.0]
+    with pytest.raises(UserError, match=r"known|not set by the program"):
+        places(text + dependent, dialect, probing="beside")
+    with pytest.raises(UserError, match=r"probing.beside|--probing beside|probing="):
+        places(text, dialect)
+
+
+def test_an_increment_behind_probing_is_refused():
+    text = "G90 G0 X10. Y10. Z5.\nG38.2 Z-5. F100\nG91 G0 Z5.\n"
+    with pytest.raises(UserError, match="an increment of Z needs a known start"):
+        places(text, "iso", probing="beside")
+
+
+def test_a_probing_move_of_linuxcnc_is_modal():
+    with pytest.raises(UserError, match="the coordinates have no G0, G1, G2 or G3 before them"):
+        places("G90 G0 X10. Y10. Z5.\nG38.2 Z-5. F100\nX20.\n", "iso", probing="beside")
+
+
+def test_probing_in_files(tmp_path):
+    text = PROBING["siemens"][0]
+    (tmp_path / "a.mpf").write_text(HEADS["siemens"] + text + ENDS["siemens"])
+    (tmp_path / "mill.toml").write_text(machine_text(more='[control]\nprobing = "beside"\n'))
+    line = ("--set-up-zero", "--no-travel-check", "--calibration", "none")
+    said = succeed(tmp_path / "a.mpf", "--machine", tmp_path / "mill.toml", *line, "-o", tmp_path / "b.mpf").shown
+    assert "CYCLE978 probes: what it finds is taken to change no coordinate" in " ".join(said.split())
+    said = refusal(tmp_path / "a.mpf", "--machine", "gantry", *line)
+    assert "state --probing beside" in said
+
+
+# ---- moves and texts whose control alone knows the meaning
+
+
+def test_m92_leaves_its_axes_unknown():
+    """A position of the machine manufacturer: Z is known again at Z+20, X and Y stay."""
+    text = "L X+10 Y+10 Z+20 R0 FMAX\nL Z+0 R0 FMAX M92\nL X+30 R0 F300\nL Z+20\n"
+    found = places(text, "heidenhain")
+    assert [row[:2] for row in found] == [[110.0, 210.0], [130.0, 210.0], [130.0, 210.0]]
+    assert found[-1][2] == 20.0
+    with pytest.raises(UserError, match="an increment of Z needs a known start"):
+        places(text.replace("L Z+20\n", "L IZ+20\n"), "heidenhain")
+    with pytest.raises(UserError, match="M92 needs a straight line"):
+        places(text.replace("L Z+0 R0 FMAX M92", "CC X+0 Y+0\nC X+10 Y+10 DR+ M92"), "heidenhain")
+
+
+def test_a_comment_goes_on_behind_a_tilde():
+    text = "; HOUSING, CLAMPED IN THE RIGHT ~\n  VICE\nL X+10 Y+10 Z+20 R0 FMAX\n"
+    assert places(text, "heidenhain") == [[110.0, 210.0, 20.0]]
+    with pytest.raises(UserError, match="may be a block that the control does not run"):
+        places("; HOUSING ~\n L X+10 Y+10 Z+20\nL X+5\n", "heidenhain")
+
+
+LISTS = {
+    "DEF REAL POS[3]=(10,20,30)\nG90 G0 X=POS[0] Y=POS[1] Z=POS[2]\n": [110.0, 220.0, 30.0],
+    "DEF REAL POS[3]=SET(10,20,30)\nG90 G0 X=POS[0] Y=POS[1] Z=POS[2]\n": [110.0, 220.0, 30.0],
+    "DEF REAL POS[3]\nPOS[1]=(20,30)\nG90 G0 X=POS[0] Y=POS[1] Z=(POS[2])\n": [100.0, 220.0, 30.0],
+    "SETMS(1)\nG90 G0 X10 Y20 Z30\nSETMS\nSPOS=90\nSPOSA=AC(10)\n": [110.0, 220.0, 30.0],
+}
+
+
+@pytest.mark.parametrize("text", LISTS)
+def test_lists_of_values_and_master_spindles(text):
+    assert places(text, "siemens")[-1] == LISTS[text]
+
+
+@pytest.mark.parametrize(("length", "z"), [("kept", 140.0), ("suppressed", 100.0)])
+def test_the_tool_length_in_machine_coordinates_of_siemens(length, z, tmp_path):
+    """MD10760: Z100 of the machine is that of the tip of a tool of 40 mm, or of the spindle."""
+    (tmp_path / "mill.toml").write_text(machine_text(more=f'[control]\ng53_tool_length = "{length}"\n'))
+    setup = ncomp.set_up(tmp_path / "mill.toml", zero=True, tool_length=["T1=40"])
+    text = "G71 G90 G17 G54\nT1 D1 M6\nG0 X10 Y10 Z50\nSUPA G0 Z100\nM30\n"
+    done = ncomp.correct(text, tmp_path / "mill.toml", "none", dialect="siemens", setup=setup, travel_check=False)
+    assert done.moves.machine_target[:, 2].tolist() == [90.0, z]
