@@ -58,7 +58,6 @@ EXCEPTIONS = {
     "postproc/interface/folders.py:batch": 43,
     "postproc/interface/folders.py:watch": 50,
     "postproc/interface/programs.py:correct": 85,
-    "postproc/interface/programs.py:set_up": 45,
     "postproc/interface/programs.py:verify": 51,
     "postproc/verification/verify_programs.py:verify_programs": 50,
     "postproc/write/arcs.py:CircleWriter.write": 51,
