@@ -108,6 +108,7 @@ def _iso() -> Dialect:
 
 def _heidenhain() -> Dialect:
     from postproc.heidenhain import blocks as heidenhain_blocks
+    from postproc.heidenhain import calls as heidenhain_calls
     from postproc.heidenhain import interpreter as heidenhain
     from postproc.heidenhain import statements as heidenhain_statements
 
@@ -119,8 +120,11 @@ def _heidenhain() -> Dialect:
         heidenhain_statements.labels,
         heidenhain.HeidenhainInterpreter,
         "; {}",
-        lambda block: block.kind == "begin_pgm",
+        lambda block: block.kind == "begin_pgm" or block.detail[:9].upper() == "BEGIN PGM",
         heidenhain_statements.OWN,
+        link=heidenhain_calls.link,
+        names=heidenhain_calls.names,
+        end="write END PGM as its last block",
         flat_arcs=True,
         leads=lambda block: block.kind == "centre",
         plain=PlainStyle("FR", head="L", rapid="FMAX", unchanged="R", continued="~", marks=".,"),
@@ -143,6 +147,9 @@ def _siemens() -> Dialect:
         "; {}",
         lambda block: block.kind == "header" or "$PATH" in block.text,
         link=siemens_calls.link,
+        names=siemens_calls.names,
+        end="write M17 or RET as its last block",
+        calls_by_name=True,
         begins=lambda block: block.kind == "header",
         plain=PlainStyle("FNS", motions="0123", arcs="IJK"),
     )

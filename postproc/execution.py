@@ -91,7 +91,7 @@ def turns(source: Source, dialect: Dialect, setup: Setup) -> bool:
     for line, text in irregular_lines(source, dialect):
         if dialect.flow.search(text) or (by_name is not None and by_name.search(text)):
             try:
-                (block,) = dialect.link([dialect.read_block(line, text)], lambda: files.names, False)
+                (block,) = dialect.link([dialect.read_block(line, text)], files.names, False)
             except Refusal:
                 continue
             if block.code is not None and block.code.turns:

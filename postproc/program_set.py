@@ -43,7 +43,7 @@ class ProgramSet:
         self.blocks: list[Block] = []
         self.called: list[CalledFile] = []
         """The files that have been called, in the order of their first calls."""
-        self.main = self._link(self._read(source, 0) if blocks is None else blocks, called=False)
+        self.main = self._link(self._read(source, 0) if blocks is None else blocks, None)
         """Number of blocks of the main program."""
 
     def first_block(self, name: str, at: int) -> int:
@@ -75,7 +75,7 @@ class ProgramSet:
         first = len(self.blocks) + 1
         self.blocks.append(Block(0, "", "blank"))
         try:
-            last = first + self._link(self._read(source, first_line(source.name)), called=True)
+            last = first + self._link(self._read(source, first_line(source.name)), source.folder)
         except BaseException:
             del self.blocks[first - 1 :]
             raise
@@ -88,15 +88,15 @@ class ProgramSet:
         for line, text in self.dialect.join_lines(source.lines()):
             yield decide(self.dialect.read_block(before + line, text), state.setup.block_skip, self._interpreter.notes)
 
-    def _link(self, blocks: Iterable[Block], *, called: bool) -> int:
-        """Add the blocks of a file; returns how many they are."""
-        linked = self.dialect.link(list(blocks), self._names, called)
+    def _link(self, blocks: Iterable[Block], folder: Path | None) -> int:
+        """Add the blocks of a file, which is called if it has a folder; returns how many they are."""
+        linked = self.dialect.link(list(blocks), lambda: self._names(folder), folder is not None)
         self.blocks += linked
         return len(linked)
 
-    def _names(self) -> set[str]:
-        """Names by which programs of the folders are called, but those that pass unchanged by the user's choice."""
-        return self.found.names - {f"%{name}" for name in self._interpreter.control_state.setup.pass_through}
+    def _names(self, folder: Path | None) -> set[str]:
+        """Names by which a program of a folder may call others, but those that pass unchanged by the user's choice."""
+        return self.found.names(folder) - {f"%{name}" for name in self._interpreter.control_state.setup.pass_through}
 
     def _check_dialect(self, source: Source, path: Path) -> None:
         """NotKnown for a file that is clearly of another dialect."""
@@ -127,5 +127,5 @@ def called_files(source: Source, dialect: Dialect, setup: Setup) -> CalledFiles:
 
 def names_in_text(dialect: Dialect, files: CalledFiles) -> re.Pattern[str] | None:
     """Pattern of the names of programs that a block may call by their name alone; None if there is none."""
-    words = sorted(map(shown_name, files.names)) if dialect.calls_by_name else []
+    words = sorted(map(shown_name, files.names())) if dialect.calls_by_name else []
     return re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, words))})(?!\w)", re.IGNORECASE) if words else None

@@ -22,6 +22,7 @@ MODEL = model_of(
     ErrorMotion("Z", "Y", Polynomial((0.0, 3000.0), 1), (0.0, -150.0)),
 )
 SETUP = ncomp.set_up("gantry", zero=True, datum=["G54=true"])
+PRESET = ncomp.set_up("gantry", zero=True, datum=["0=true"])
 
 
 def tool_points(axes):
@@ -187,3 +188,180 @@ def test_subprograms_of_another_folder_are_found_when_it_is_named(tmp_path):
     setup = ncomp.set_up("gantry", zero=True, datum=["G54=true"], subprograms=[library])
     done = corrected(folder / "O0001.nc", tmp_path / "out", setup=setup)
     assert sorted(each.name for each in done.called) == ["3", "O1000.nc", "o9001.NC"]
+
+
+SIEMENS = {
+    "MAIN.MPF": """\
+G71 G90 G54 G17
+DEF REAL RESULT = 0
+G0 X100 Y100 Z50
+TRANS X0
+L100 P2
+POCKET(450, 650, "A")
+CALL "_N_SIDE_SPF"
+EXTCALL "L100.SPF"
+DOUBLE(R1+300, RESULT)
+G1 X=RESULT Y200 Z10
+M30
+""",
+    "L100.SPF": "G1 X300 Y200 Z0 F500\nX700\nSIDE\nM17\n",
+    "_N_SIDE_SPF": "%_N_SIDE_SPF\n;$PATH=/_N_WKS_DIR/_N_PART_WPD\nG0 X700 Y300 Z50\nRET\n",
+    "pocket.spf": 'PROC POCKET(REAL AA, REAL BB, STRING[32] TAG="") DISPLOF\nG1 X=AA Y=BB Z-1 F200\nM17\n',
+    "TRANS.SPF": "X9\nM17\n",
+    "DOUBLE.SPF": "PROC DOUBLE(REAL AA, VAR REAL BB)\nBB=2*AA\nM17\n",
+}
+SIEMENS_PATH = [
+    *[(100, 100, 50), *[(300, 200, 0), (700, 200, 0), (700, 300, 50)] * 2, (450, 650, -1), (700, 300, 50)],
+    *[(300, 200, 0), (700, 200, 0), (700, 300, 50), (600, 200, 10)],
+]
+
+
+def test_a_set_of_siemens_is_corrected_in_its_files(tmp_path):
+    files = {**SIEMENS, "MAIN.MPF": SIEMENS["MAIN.MPF"].replace("G0 X100", "R1=0\nG0 X100")}
+    folder = written(tmp_path / "in", files)
+    nominal = ncomp.correct(folder / "MAIN.MPF", GANTRY, "none", setup=SETUP, travel_check=False).moves
+    assert np.allclose(nominal.machine_target, SIEMENS_PATH)
+    done = corrected(folder / "MAIN.MPF", tmp_path / "out")
+    assert sorted(each.name for each in done.called) == ["DOUBLE.SPF", "L100.SPF", "_N_SIDE_SPF", "pocket.spf"]
+    out = {name: (tmp_path / "out" / name).read_text() for name in files if name != "TRANS.SPF"}
+    assert out["DOUBLE.SPF"] == files["DOUBLE.SPF"]
+    for line in ("L100 P2", 'CALL "_N_SIDE_SPF"', 'EXTCALL "L100.SPF"'):
+        assert line in out["MAIN.MPF"]
+    x, y, z = re.search(r"X=AA([-+][\d.]+) Y=BB([-+][\d.]+) Z(\S+) F200", out["pocket.spf"]).groups()
+    turned = re.search(r"X=RESULT([-+][\d.]+) Y(\S+) Z(\S+)", out["MAIN.MPF"]).groups()
+    for words, point in (
+        (re.search(r"X(\S+) Y(\S+) Z(\S+) F500", out["L100.SPF"]).groups(), (300, 200, 0)),
+        (re.search(r"X(\S+) Y(\S+) Z(\S+)\nRET", out["_N_SIDE_SPF"]).groups(), (700, 300, 50)),
+        ((450 + float(x), 650 + float(y), z), (450, 650, -1)),
+        ((600 + float(turned[0]), *turned[1:]), (600, 200, 10)),
+    ):
+        assert np.abs(tool_points([list(map(float, words))]) - point).max() < 0.0003
+    verdict = ncomp.verify(folder / "MAIN.MPF", tmp_path / "out" / "MAIN.MPF", GANTRY, MODEL, setup=SETUP).verdict
+    assert (verdict.before.largest > 50.0, verdict.after.largest < 0.3) == (True, True)
+
+
+def test_mcall_runs_a_subprogram_after_every_move(tmp_path):
+    main = "G71 G90 G54 G17\nG0 X100 Y100 Z50\nMCALL L7(5)\nX200 Y200\nX300 Y100\nMCALL\nX0 Y0\nM30\n"
+    drill = "PROC L7(REAL DEPTH)\nG1 Z=-DEPTH F200\nG0 Z50\nM17\n"
+    folder = written(tmp_path / "in", {"MAIN.MPF": main, "L7.SPF": drill})
+    done = ncomp.correct(folder / "MAIN.MPF", GANTRY, "none", setup=SETUP, travel_check=False)
+    holes = [(x, y, z) for x, y in ((200, 200), (300, 100)) for z in (50, -5, 50)]
+    assert np.allclose(done.moves.machine_target, [(100, 100, 50), *holes, (0, 0, 50)])
+
+
+SIEMENS_REFUSED = {
+    "missing": ("L100 P2", "L200", r"MAIN\.MPF:5: 'L200': .*no subprogram L200, and no file of it is in \S*/in"),
+    "absolute": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/_N_SIDE_SPF"', r"MAIN\.MPF:7: .*by its name alone"),
+    "above": ('"_N_SIDE_SPF"', '"../SIDE"', r"MAIN\.MPF:7: .*by its name alone"),
+    "with other words": ("L100 P2", "G1 X5 L100", r"MAIN\.MPF:5: .*must be alone"),
+    "twice with VAR": ("DOUBLE(R1+300, RESULT)", "DOUBLE(300, RESULT) P2", r"DOUBLE\.SPF:1: .*VAR"),
+    "number for VAR": ("DOUBLE(R1+300, RESULT)", "DOUBLE(300, 5)", r"DOUBLE\.SPF:1: .*VAR"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "message"), SIEMENS_REFUSED.values(), ids=SIEMENS_REFUSED)
+def test_a_siemens_set_that_cannot_be_used_is_refused_with_its_place(tmp_path, old, new, message):
+    folder = written(tmp_path / "in", {**SIEMENS, "MAIN.MPF": SIEMENS["MAIN.MPF"].replace(old, new)})
+    with pytest.raises(UserError, match=message):
+        corrected(folder / "MAIN.MPF", tmp_path / "out")
+
+
+KLARTEXT = {
+    "main.h": """\
+0 BEGIN PGM MAIN MM
+1 TOOL CALL 1 Z S2000
+2 Q1 = 450
+3 QL1 = 7
+4 L X+100 Y+100 Z+50 R0 FMAX
+5 CALL PGM part
+6 CALL PGM sub\\inner.h
+7 SEL PGM "macro.H"
+8 CALL SELECTED PGM
+9 CYCL DEF 12.0 PGM CALL
+10 CYCL DEF 12.1 PGM END.H
+11 L X+200 Y+500 Z+60 R0 FMAX M99
+12 CYCL CALL
+13 L X+QL1 Y+0 Z+60 FMAX
+14 M30
+15 END PGM MAIN MM
+""",
+    "PART.H": """\
+0 BEGIN PGM PART MM
+1 CALL LBL 1 REP 1
+2 L X+300 Y+200 Z+0 F500
+3 LBL 1
+4 L X+700 Y+200 Z+0 F500
+5 LBL 0
+6 CALL PGM END.H
+7 END PGM PART MM
+""",
+    "sub/inner.h": "BEGIN PGM INNER MM\nQL1 = 1\nCALL PGM deep.h\nEND PGM INNER MM\n",
+    "sub/deep.h": "BEGIN PGM DEEP MM\nL X+800 Y+800 Z+50 FMAX\nEND PGM DEEP MM\n",
+    "macro.h": "BEGIN PGM MACRO MM\nL X+Q1 Y+650 Z-1 F200\nEND PGM MACRO MM\n",
+    "END.H": "BEGIN PGM END MM\nL X+700 Y+300 Z+50 FMAX\nEND PGM END MM\n",
+}
+KLARTEXT["PART.H"] = KLARTEXT["PART.H"].replace("1 CALL LBL 1 REP 1\n", "1 CALL LBL 1\n")
+KLARTEXT_PATH = [
+    *[(100, 100, 50), (700, 200, 0), (300, 200, 0), (700, 200, 0), (700, 300, 50), (800, 800, 50), (450, 650, -1)],
+    *[(200, 500, 60), (700, 300, 50), (700, 300, 50), (7, 0, 60)],
+]
+
+
+def test_a_set_of_klartext_is_corrected_in_its_files(tmp_path):
+    folder = written(tmp_path / "in", KLARTEXT)
+    nominal = ncomp.correct(folder / "main.h", GANTRY, "none", setup=PRESET, travel_check=False).moves
+    assert np.allclose(nominal.machine_target, KLARTEXT_PATH)
+    done = corrected(folder / "main.h", tmp_path / "out", setup=PRESET)
+    assert sorted(each.name for each in done.called) == ["END.H", "PART.H", "macro.h", "sub/deep.h", "sub/inner.h"]
+    out = {name: (tmp_path / "out" / name).read_text() for name in KLARTEXT}
+    assert "CALL PGM sub\\inner.h" in out["main.h"]
+    assert out["sub/inner.h"] == KLARTEXT["sub/inner.h"]
+    added = re.search(r"QL450 =\+?Q1 \+ ([-+][\d.]+)", out["macro.h"])
+    y, z = re.search(r"X\+QL450 Y(\S+) Z(\S+) F200", out["macro.h"]).groups()
+    for words, point in (
+        (re.search(r"X(\S+) Y(\S+) Z(\S+) FMAX\n", out["END.H"]).groups(), (700, 300, 50)),
+        (re.search(r"X(\S+) Y(\S+) Z(\S+) FMAX\n", out["sub/deep.h"]).groups(), (800, 800, 50)),
+        (re.search(r"L X(\S+) Y(\S+) Z(\S+) F500", out["PART.H"]).groups(), (300, 200, 0)),
+        ((450 + float(added[1]), y, z), (450, 650, -1)),
+    ):
+        assert np.abs(tool_points([list(map(float, words))]) - point).max() < 0.0003
+    verdict = ncomp.verify(folder / "main.h", tmp_path / "out" / "main.h", GANTRY, MODEL, setup=PRESET).verdict
+    assert (verdict.before.largest > 50.0, verdict.after.largest < 0.3) == (True, True)
+
+
+def test_a_set_of_klartext_is_written_out(tmp_path):
+    folder = written(tmp_path / "in", KLARTEXT)
+    done = corrected(folder / "main.h", tmp_path / "out", setup=PRESET, beside=False)
+    assert "written out in the program" in done.report.notes[0]
+    assert (done.text.count("BEGIN PGM"), done.text.count("END PGM"), done.text.count("CALL")) == (1, 1, 1)
+    written(tmp_path / "alone", {"main.h": done.text})
+    verdict = ncomp.verify(folder / "main.h", tmp_path / "alone" / "main.h", GANTRY, MODEL, setup=PRESET).verdict
+    assert (verdict.before.largest > 50.0, verdict.after.largest < 0.3) == (True, True)
+
+
+KLARTEXT_REFUSED = {
+    "missing": (
+        "main.h",
+        "CALL PGM part",
+        "CALL PGM other",
+        r"main\.h:6: .*its file is not in the folder.*subprograms",
+    ),
+    "absolute": ("main.h", "PGM part", "PGM TNC:\\part.h", r"main\.h:6: .*outside of the folder"),
+    "above": ("main.h", "sub\\", "..\\sub\\", r"main\.h:7: .*outside of the folder"),
+    "recursion": ("END.H", "L X+7", "CALL PGM PART\nL X+7", r"END\.H:2: .*calls itself"),
+    "main": ("END.H", "L X+7", "CALL PGM MAIN\nL X+7", r"END\.H:2: .*main\.h is the main program"),
+    "end of all": ("END.H", "END PGM", "M30\nEND PGM", r"END\.H:3: .*M2 or M30 in a called program"),
+    "inch": ("END.H", "END MM", "END INCH", r"END\.H:1: .*called program is in INCH and the main program in MM"),
+    "label of the caller": ("END.H", "END PGM", "CALL LBL 1\nEND PGM", r"END\.H:3: .*no subprogram LBL 1"),
+    "nothing selected": ("main.h", '7 SEL PGM "macro.H"\n', "", r"main\.h:8: .*SEL PGM.*not set"),
+    "QL of the caller": ("END.H", "X+700", "X+QL1", r"END\.H:2: .*QL1 is not set"),
+    "ISO": ("END.H", KLARTEXT["END.H"], "G1 X#1\nM99\n", r"END\.H is ISO because of line 1"),
+}
+
+
+@pytest.mark.parametrize(("name", "old", "new", "message"), KLARTEXT_REFUSED.values(), ids=KLARTEXT_REFUSED)
+def test_a_klartext_set_that_cannot_be_used_is_refused_with_its_place(tmp_path, name, old, new, message):
+    assert old in KLARTEXT[name]
+    folder = written(tmp_path / "in", {**KLARTEXT, name: KLARTEXT[name].replace(old, new, 1)})
+    with pytest.raises(UserError, match=message):
+        corrected(folder / "main.h", tmp_path / "out", setup=PRESET)

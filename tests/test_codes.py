@@ -25,7 +25,7 @@ def rows(result):
     (("m128", "--dialect", "heidenhain"), [("heidenhain", "M128", "followed")]),
     (("cycle81",), [("siemens", "CYCLE81", "followed")]),
     (("CYCL", "DEF", "200"), [("heidenhain", "cycle 200", "followed")]),
-    (("cycle", "12"), [("heidenhain", "cycle 12", "refused")]),
+    (("cycle", "12"), [("heidenhain", "cycle 12", "followed")]),
     (("fn17",), [("heidenhain", "FN 17", "refused")]),
     (("HOLES1",), [("siemens", "HOLES1", "noted")]),
     (("L",), [("heidenhain", "L", "followed")]),

@@ -506,7 +506,7 @@ REFUSED = [
     ("L X+Q108", "X+Q108: Q108 is not known: no tool table (--tool-table) gives the radius of tool 1"),
     ("L X+Q110", "X+Q110: the control sets Q110, and its value is not known to ncomp"),
     ("Q1 = SGN 0\nL X+Q1", "SGN of 0 depends on the control"),
-    ("CALL PGM A.H", "other programs are not followed"),
+    ("CALL PGM A.H", "its file is not in the folder of the program"),
     ("SEL TABLE A", "SEL TABLE A: ncomp does not read the file that SEL selects"),
     ("TCH PROBE 0.0", "TCH PROBE 0.0: the end of a probing move is not known"),
     ("CYCL DEF 7.1 X+Q1", "Q1 is not set by the program"),
@@ -531,7 +531,7 @@ REFUSED = [
         "CYCL DEF 19.1 A+0 B+0 C+0\nL C+5",
         "a rotary axis is not at 0 while cycle 19 is on: the control may rotate the coordinates",
     ),
-    ("CYCL DEF 12.0 PGM CALL", "cycle 12 calls a program that is not followed: insert its blocks"),
+    ("CYCL DEF 12.0 PGM CALL", "cycle 12 calls a program whose file is not known: write its blocks"),
     ("CYCL DEF 221 PATTERN", "cycle 221 has no cycle to repeat"),
     (
         "CYCL DEF 200 A\nCYCL DEF 221 PATTERN",
@@ -606,8 +606,8 @@ def outcome(text):
 
 
 NOT_FOLLOWED = (
-    "other programs are not followed; if they leave tool, frames and modes unchanged, write "
-    "calls_leave_state = true in the machine file"
+    "its file is not in the folder of the program: write it there, or give its folder by --subprograms; if it leaves "
+    "tool, frames and modes unchanged, write calls_leave_state = true in the machine file"
 )
 
 

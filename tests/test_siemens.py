@@ -330,7 +330,7 @@ REFUSED = {
     "CYCLE800(1,\"\",0,57,0,0,0,30,0)": "a tilted plane needs a rotary axis, and machine gantry has none",
     "X5 CYCLE81(10,0,2,-5)": "a cycle call must be alone in its block",
     "MCALL POINTS(1,2)": "POINTS is not known to ncomp",
-    "L340": "L calls a subprogram",
+    "L340": "the file has no subprogram L340",
     "PART_TWO": "PART_TWO is not known to ncomp",
     "TRAORI(2)": "TRAORI with another transformation than the first",
     "BSPLINE X5": "BSPLINE begins a spline, which is not corrected",

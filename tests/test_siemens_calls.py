@@ -52,13 +52,13 @@ def test_a_subprogram_at_one_place_is_corrected():
 
 
 REFUSED = {
-    "L10\nM30\n": "L calls a subprogram",
+    "L10\nM30\n": "the file has no subprogram L10, and its folder is not known: give its folder by --subprograms",
     "PART\nM30\n%_N_OTHER_SPF\nM17\n": "PART is not known to ncomp",
     "X1 PART\nM30\n%_N_PART_SPF\nM17\n": "the call of PART must be alone in its block",
-    "MCALL PART\nM30\n%_N_PART_SPF\nM17\n": "PART is not known",
+    "MCALL PART\nMCALL PART\nM30\n%_N_PART_SPF\nM17\n": "another MCALL is active: write MCALL before this one",
     "PART(1,2)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nM17\n": "the call has more arguments than the subprogram has parameters: remove the others",
     "PART\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n": "X=AA: AA is not known: the call omits the argument for AA",
-    "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "a parameter with VAR, or an array, changes variables of the caller, which is not followed: remove it",
+    "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "X is neither a declared variable nor an axis",
     "PART\nM30\n%_N_PART_SPF\nPROC PART SAVE\nM17\n": "SAVE restores the modes",
     "DEF REAL BB=3\nPART\nM30\n%_N_PART_SPF\nX=BB\nM17\n": "BB belongs to the calling program",
     "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "the program has no block with the label THERE",

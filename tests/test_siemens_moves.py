@@ -271,7 +271,7 @@ def test_patterns_and_pockets_stay_and_are_noted():
         ("MCALL CYCLE81(10,0,2,-5)\nSUPA Z50", "machine coordinates while TRAORI or MCALL"),
         ("MCALL CYCLE81(10,0,2,-5)\nX=IC(5) Y1\nHOLES1(0,0,0,5,5,3)\nX=IC(5)", "an increment of X needs a known start"),
         ("CYCLE81(10) CYCLE82(10)", "a cycle call must be alone in its block"),
-        ("MCALL L10", "L calls a subprogram"),
+        ("MCALL L10", "the file has no subprogram L10"),
     ],
 )
 def test_cycles_that_are_refused(text, reason):

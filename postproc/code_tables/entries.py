@@ -81,7 +81,7 @@ ISO_FOLLOWED: dict[str, Iterable[float]] = {
     "reference positions and machine coordinates: the move stays": (28.0, 30.0, 53.0, *IN_MACHINE_FRAME),
     "stores the present position (LinuxCNC, grbl); elsewhere the positions are unknown after it": STORED,
     "end of the normal direction control": (NORMAL_END,),
-    "subprograms and macros in the same file": (65.0, 66.0, 67.0),
+    "subprograms and macros, in the same file or in files beside it": (65.0, 66.0, 67.0),
     "fine boring (FANUC); a thread on LinuxCNC": (iso.FINE_BORING,),
 }
 SIEMENS_FOLLOWED: dict[str, Iterable[float]] = {
@@ -103,10 +103,11 @@ SIEMENS_WORDS: dict[str, Iterable[str]] = {
     "transformations, planes, calls": siemens.MEANT_NAMES - siemens.CALCULATED_ARCS,
     "drilling cycles: the position is corrected": siemens.CYCLES_AT_POSITION,
     "corners": siemens.CORNERS,
+    "calls a program by its name in quotes": siemens.CALLS,
 }
 KLARTEXT_BLOCKS = (
     *("L", "CC", "C", "CR", "CT", "LP", "CP", "CTP", "LN", "APPR", "DEP", "RND", "CHF", "TOOL CALL", "PLANE"),
-    *("FUNCTION TCPM", "LBL", "CALL LBL", "CYCL CALL"),
+    *("FUNCTION TCPM", "LBL", "CALL LBL", "CYCL CALL", "CALL PGM", "SEL PGM", "CALL SELECTED PGM"),
 )
 KLARTEXT_CYCLES: dict[str, Iterable[int]] = {
     "sets the preset": (heidenhain.PRESET_CYCLE,),
@@ -114,6 +115,7 @@ KLARTEXT_CYCLES: dict[str, Iterable[int]] = {
     "pockets, threads: the position is corrected": heidenhain.CYCLES_AROUND_POSITION,
     "older cycles: from the present position": heidenhain.CYCLES_AT_START,
     "patterns: their one position is corrected": heidenhain.PATTERN_CYCLES,
+    "calls a program": (heidenhain.PROGRAM_CALL_CYCLE,),
     "data": heidenhain.DATA_CYCLES,
 }
 KLARTEXT_M = {
@@ -131,16 +133,14 @@ KLARTEXT_M = {
     140.0: "retraction along the tool",
     143.0: "end of the basic rotation",
 }
-ONLY_DEFINED = heidenhain.HARMLESS_CYCLES.difference(
-    heidenhain.CONTOUR_CYCLES, heidenhain.REFUSED_CYCLES, *KLARTEXT_CYCLES.values()
-)
+ONLY_DEFINED = heidenhain.HARMLESS_CYCLES.difference(heidenhain.CONTOUR_CYCLES, *KLARTEXT_CYCLES.values())
 """Cycles that may be defined, and that no call may run."""
 
 
 def iso_entries() -> Iterator[CodeEntry]:
     """FANUC, HAAS, LinuxCNC and others that read ISO code."""
     yield from _numbered("iso", "G", "followed", ISO_FOLLOWED)
-    yield from _numbered("iso", "M", "followed", {"subprograms in the same file": (98.0, 99.0)})
+    yield from _numbered("iso", "M", "followed", {"subprograms, in the same file or beside it": (98.0, 99.0, 198.0)})
     yield from _numbered("iso", "G", "passes", {PASSES: iso.HARMLESS_G})
     yield from _numbered("iso", "M", "passes", {PASSES: shared.HARMLESS_M})
     yield from _refused("iso", "G", iso.REFUSED_G)
@@ -180,8 +180,6 @@ def heidenhain_entries() -> Iterator[CodeEntry]:
     for code, reason in heidenhain.AXIS_M.items():
         yield CodeEntry("heidenhain", f"M{code:g}", "refused", f"with axes: {reason}")
     yield from _cycles("refused", {"may be defined, but not called: its moves are not known": ONLY_DEFINED})
-    for number, reason in heidenhain.REFUSED_CYCLES.items():
-        yield CodeEntry("heidenhain", f"cycle {number}", "refused", reason)
     for number, reason in heidenhain.REFUSED_FN.items():
         yield CodeEntry("heidenhain", f"FN {number}", "refused", reason)
     for kind, reason in heidenhain.REFUSED_KINDS.items():

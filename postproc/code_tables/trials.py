@@ -27,7 +27,7 @@ TRIALS = {
     92.3: "G92 X5.\nG92.2\nG92.3",
 }
 """Codes that need others before or behind them."""
-CALLS = {"G65", "G66", "G67", "M98", "M99"}
+CALLS = {"G65", "G66", "G67", "M98", "M99", "M198"}
 """Codes whose trial needs a subprogram in the file."""
 HEAD_WITHOUT_LENGTH = HEADS["iso"].replace("G43 H1\n", "")
 TRIED_ON = "dmu50"

@@ -26,7 +26,7 @@ from postproc.text.blocks import Blocks
 from postproc.text.expressions import Constant
 from postproc.text.line_numbers import place
 from postproc.text.source import ENCODING, HEAD_SIZE
-from postproc.text.statements import Return
+from postproc.text.statements import Return, Taken
 
 SAME = 1e-6
 """Largest difference of equal positions, mm and rad: written numbers have nine decimals."""
@@ -129,6 +129,10 @@ def _straight(block: Block, written: Block, *, last: bool) -> str | None:
         return edited(block.text, calls)
     if block.kind in ("control", "blank"):
         return None
+    taken = [step for step in block.code.after if isinstance(step, Taken)]
+    if any((step.at, step.end) == (0, len(block.text)) for step in taken):
+        return None
+    calls += [Edit(step.at, step.end, "") for step in taken]
     steps = [step for step in block.code.before + block.code.after if not isinstance(step, Return)]
     returns = any(isinstance(step, Return) for step in block.code.after) and not last
     if block.kind != "words" or not (steps or returns):

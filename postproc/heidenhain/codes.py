@@ -42,10 +42,7 @@ DIRECTIONS = {"DR+": 1, "DR-": -1}
 HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *range(27, 30), 32, 39)) | frozenset(
     (*range(200, 216), 225, *range(230, 234), 240, 241, *range(251, 259), *range(262, 268), *range(270, 277), 392)
 )
-REFUSED_CYCLES = {
-    12: "calls a program that is not followed: insert its blocks",
-}
-"""With the reason of their refusal."""
+PROGRAM_CALL_CYCLE = 12
 PATTERN_CYCLES = {
     220: frozenset(("Q216", "Q217", "Q244", "Q245", "Q246", "Q247", "Q241", "Q200", "Q203", "Q204")),
     221: frozenset(("Q225", "Q226", "Q237", "Q238", "Q242", "Q243", "Q224", "Q200", "Q203", "Q204")),

@@ -20,7 +20,7 @@ from postproc.heidenhain.codes import (
     HARMLESS_M,
     PATTERN_CYCLES,
     PRESET_CYCLE,
-    REFUSED_CYCLES,
+    PROGRAM_CALL_CYCLE,
     TRANSFORMATION_CYCLES,
 )
 from postproc.heidenhain.datum_transformations import SCALING, SHIFT
@@ -55,8 +55,10 @@ class Cycles:
             self._frame_cycle(block, number, match[2], match[3])
         elif number in PATTERN_CYCLES:
             self._pattern(index, block, number)
-        elif number in REFUSED_CYCLES:
-            raise block.refuse(f"cycle {number} {REFUSED_CYCLES[number]}")
+        elif number == PROGRAM_CALL_CYCLE:
+            if block.code is None:
+                raise block.refuse("cycle 12 calls a program whose file is not known: write its blocks")
+            channel.modal.cycle = number
         elif number not in HARMLESS_CYCLES:
             channel.accept(block, f"CYCL DEF {number}", f"cycle {number} is not known to ncomp: write its moves")
             channel.modal.cycle = number
@@ -94,6 +96,8 @@ class Cycles:
         """
         channel, cycle = self.channel, self.channel.modal.cycle
         z = channel.x_y_z[2]
+        if cycle == PROGRAM_CALL_CYCLE:
+            raise block.refuse("the program of cycle 12 is called in another place: write cycle 12 before the call")
         if channel.modal.tcp:
             raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
         if cycle in CYCLES_AT_POSITION:

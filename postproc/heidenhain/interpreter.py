@@ -14,6 +14,7 @@ from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.words import Content, value_of
 from postproc.heidenhain.arcs import Arcs
+from postproc.heidenhain.calls import program, unit_of
 from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import (
     AXIS_M,
@@ -136,6 +137,7 @@ class HeidenhainInterpreter(Interpreter):
             raise block.refuse("the file has a second BEGIN PGM: write each program in a file of its own")
         modal.begun = True
         unit = block.detail.split()[-1].upper()
+        self.channel.scope.unit = unit_of(block)
         if unit not in ("MM", "INCH"):
             self.notes.add("BEGIN PGM has no MM or INCH: the coordinates are taken in mm", block.line)
         modal.unit = INCH if unit == "INCH" else 1.0
@@ -313,7 +315,7 @@ class HeidenhainInterpreter(Interpreter):
         """CALL PGM: its effect on parameters is a step of the block."""
         if not self.machine.control.calls_leave_state:
             raise block.refuse(
-                f"{block.detail}: other programs are not followed; if they leave tool, frames and modes unchanged, "
+                f"{block.detail}: {_why_not_followed(block.detail)}; if it leaves tool, frames and modes unchanged, "
                 "write calls_leave_state = true in the machine file"
             )
         self.channel.mark_unknown(self.machine.names)
@@ -376,3 +378,10 @@ def _vector(block: Block, kind: str) -> list[float] | None:
     if len(words) < 3 or sum(word.address in words for word in block.words) > 3:
         raise block.refuse(f"{kind}X {kind}Y {kind}Z must all be in the block, each once")
     return [value_of(block, words[kind + axis]) for axis in "XYZ"]
+
+
+def _why_not_followed(call: str) -> str:
+    """The reason why the program of a `CALL PGM` is not read."""
+    if not program(call[len("CALL PGM") :]):
+        return "a program outside of the folder of the calling one is not read: write its name alone"
+    return "its file is not in the folder of the program: write it there, or give its folder by --subprograms"

@@ -14,7 +14,7 @@ from postproc.text.block import Block, Word
 from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable, by_levels
 from postproc.text.statements import Assign, Call, Jump, Label, Rerun, Return, Step, When
 
-FLOW = re.compile(r"LBL", re.IGNORECASE)
+FLOW = re.compile(r"LBL|PGM|SELECTED", re.IGNORECASE)
 """Text of every block after which the next one does not always run."""
 LEVELS = {"^": 3, "*": 2, "/": 2, "%": 2, "DIV": 2, "LEN": 2, "ANG": 2, "+": 1, "-": 1}
 HARMLESS_FN = frozenset((14, 15, 16, 19, 20, 26, 27, 29, 37, 38))
@@ -109,7 +109,7 @@ def _if(parts: list[Any]) -> When:
 
 def _mark(parts: list[Any]) -> Step:
     name = _label(parts[1])
-    return Return() if name == "LBL 0" else Label(name)
+    return Return(local=True) if name == "LBL 0" else Label(name)
 
 
 _STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {

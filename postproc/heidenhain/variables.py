@@ -98,6 +98,10 @@ class QParameters:
 
     operations: Operations = field(default_factory=lambda: operations_of(Control()))
     values: dict[tuple[str, Value], Value | NotKnown] = field(default_factory=dict)
+    unit: str = "MM"
+    """Unit of the main program."""
+    callers: list[dict[tuple[str, Value], Value | NotKnown] | None] = field(default_factory=list)
+    """The QL parameters of the programs that call the present one; None for a label, which has none of its own."""
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
         """The value of a parameter by its kind, Q, QL or QR, and its number."""
@@ -117,18 +121,30 @@ class QParameters:
     @property
     def state(self) -> object:
         """The values of all parameters."""
-        return self.values
+        return self.values, self.callers
 
     def forget(self, reason: str) -> None:
         """Mark all parameters as unknown."""
         self.values = dict.fromkeys(self.values, NotKnown(reason))
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
-        """Labels have no parameters of their own."""
+        """A label has no parameters of its own, and a called program, which has arguments, its own QL."""
+        if arguments is None:
+            self.callers.append(None)
+            return
+        self.callers.append({key: value for key, value in self.values.items() if key[0] == "QL"})
+        self._drop_locals()
 
     def leave(self) -> dict[int, Value | NotKnown]:
-        """Nothing ends."""
+        """The QL parameters of a called program end with it."""
+        before = self.callers.pop()
+        if before is not None:
+            self._drop_locals()
+            self.values |= before
         return {}
+
+    def _drop_locals(self) -> None:
+        self.values = {key: value for key, value in self.values.items() if key[0] != "QL"}
 
 
 class Forget(NamedTuple):

@@ -90,6 +90,8 @@ CYCLES = CYCLES_AT_POSITION | CYCLES_ELSEWHERE
 
 MEASURING = re.compile(r"CYCLE(9[67]\d|982|99\d)")
 """Measuring cycles."""
+CALLS = _all("CALL EXTCALL PCALL")
+"""Words before the name of a program in quotes."""
 REFUSED_NAMES = {
     **dict.fromkeys(
         ("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "begins a spline, which is not corrected: write G1, G2 or G3"
@@ -102,9 +104,8 @@ REFUSED_NAMES = {
         ("TRANSMIT", "TRACYL", "TRAANG"),
         "transforms the coordinates, which is not followed: write the coordinates of the axes",
     ),
-    **dict.fromkeys(
-        ("CALL", "PCALL", "EXTCALL", "ISOCALL"), "calls a program that is not in this file: insert its blocks"
-    ),
+    **dict.fromkeys(("CALL", "PCALL", "EXTCALL"), 'calls a program in a form that is not followed: write CALL "NAME"'),
+    "ISOCALL": "calls an ISO program, and a called program must be of the same dialect: write its blocks",
     **dict.fromkeys(
         ("PROC", "DEFINE", "SETINT"), "declares a subprogram, macro or interrupt in a form that is not followed"
     ),

@@ -62,6 +62,19 @@ class SiemensInterpreter(Interpreter):
         control, scope = machine.control, SiemensVariables()
         scope.passive, scope.basic_unit_is_inch = frozenset(control.passive_axes), control.unit == "inch"
         super().__init__(Channel(notes, ModalState(ControlState(setup)), scope))
+        self._moved: Block | None = None
+        """The last block, if it moved the tool along a path."""
+
+    @property
+    def moved(self) -> bool:
+        """True if the last block moved the tool along a path; Refusal if a call by MCALL after it is not followed."""
+        block, self._moved = self._moved, None
+        if block is not None and (self.modal.compensated or self.modal.cornered or self.recorder.stayed):
+            raise block.refuse(
+                "MCALL of a subprogram with radius compensation, a broken corner or a move to the present position is "
+                "not followed: end it before the block"
+            )
+        return block is not None
 
     def _take_run(
         self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
@@ -71,6 +84,7 @@ class SiemensInterpreter(Interpreter):
 
     def _read_block(self, index: int, block: Block) -> Block:
         channel, modal = self.channel, self.modal
+        self._moved = None
         if block.kind == "header":
             if modal.begun:
                 raise block.refuse("the program before this one has no end: write M30, M17 or RET before this block")
@@ -103,6 +117,7 @@ class SiemensInterpreter(Interpreter):
             block = self._move(index, block, content, divisible=not drills)
             channel.no_insertion = corner or modal.compensated or drills or points
             run_modal_cycle(channel, index, block)
+            self._moved = block
         modal.ended = bool(content.m or content.names) and ends(block) and not channel.scope.depth
         return block
 

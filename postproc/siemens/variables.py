@@ -132,6 +132,10 @@ class _Level:
     """Sizes of the declared variables, by name; () for one that is no array."""
     arguments: dict[int, Value | NotKnown] = field(default_factory=dict)
     """By their position in the call, from 1."""
+    passed: dict[int, tuple[str, tuple[Value, ...]]] = field(default_factory=dict)
+    """Variables of the caller among the arguments, by their position: names and indices."""
+    returned: dict[str, tuple[str, tuple[Value, ...]]] = field(default_factory=dict)
+    """Variables of the caller that get the value of a parameter at the end, by its name."""
 
 
 @dataclass
@@ -142,6 +146,8 @@ class SiemensVariables:
     shared: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
     levels: list[_Level] = field(default_factory=lambda: [_Level()])
     data: ControlData = field(default_factory=ControlData)
+    passed: dict[int, tuple[str, tuple[Value, ...]]] = field(default_factory=dict)
+    """Variables among the arguments of the call that runs next."""
     passive: frozenset[str] = frozenset()
     """Names of axes outside the chain."""
     basic_unit_is_inch: bool = False
@@ -279,11 +285,15 @@ class SiemensVariables:
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """A subprogram has variables of its own."""
-        self.levels.append(_Level(arguments=arguments or {}))
+        self.levels.append(_Level(arguments=arguments or {}, passed=self.passed))
+        self.passed = {}
 
     def leave(self) -> dict[int, Value | NotKnown]:
         """The variables of a subprogram end with it; returned: the arguments of its call."""
-        return self.levels.pop().arguments
+        ended = self.levels.pop()
+        for name, (target, indices) in ended.returned.items():
+            self.set(target, indices, ended.values[name, ()])
+        return ended.arguments
 
 
 def set_by(expression: Expression) -> Iterator[tuple[str, Variable]]:

@@ -122,7 +122,7 @@ def is_known(name: str, word: Word) -> bool:
 
 def _strange(address: str) -> str:
     if address == "L":
-        return "L calls a subprogram that is not in this file: insert its blocks"
+        return "L calls a subprogram: write its number behind it"
     if address == "RPL":
         return "RPL has no rotation: write ROT or AROT before it"
     if re.fullmatch(r"[ABC][24-7]|LEAD|TILT|THETA|PHI|PSI", address):

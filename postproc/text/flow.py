@@ -76,6 +76,8 @@ class _Called(msgspec.Struct, eq=False):
     """The block that it begins with."""
     times: int
     arguments: dict[int, Value | NotKnown] | None
+    local: bool
+    """True for a subprogram that is always in the file of its call."""
     depth: int = 0
     """Number of frames around the G66 of a modal call."""
 
@@ -150,6 +152,8 @@ class Flow:
         self.frames = [_Frame(MAIN, 0, -1, 0, None, None)]
         self.modals: list[_Called] = []
         """Calls that run behind moves, in the order of their G66."""
+        self._words = ("G66", "G67", "G65")
+        """As of the last Modal."""
         self._turns: dict[type, Callable[[int, Block, Any], int | None]] = {
             Jump: self._jump,
             When: self._when,
@@ -187,8 +191,8 @@ class Flow:
                 if modal is not None and reader.moved:
                     if reader.ended or (block.code is not None and block.code.after):
                         raise block.refuse(
-                            "a move in one block with a jump, a call or an end is not corrected while G66 is active: "
-                            "write it in a block of its own"
+                            "a move in one block with a jump, a call or an end is not corrected while "
+                            f"{self._words[0]} is active: write it in a block of its own"
                         )
                     then = self._enter(at, block, modal)
                 elif block.code is not None and not reader.ended:
@@ -278,7 +282,7 @@ class Flow:
         if step.arguments is not None:
             arguments = {number_: self._argument(expression) for number_, expression in step.arguments}
         times = 1 if step.times is None else whole(step.times, self.scope)
-        return _Called(first, times, arguments, len(self.frames))
+        return _Called(first, times, arguments, step.local, len(self.frames))
 
     def _enter(self, at: int, block: Block, called: _Called) -> int | None:
         """Begin the subprogram; one that runs behind a move has the modal calls before its own."""
@@ -305,6 +309,10 @@ class Flow:
             if step.label is None and step.outside:
                 raise block.refuse(step.outside)
             return None if step.label is None else self._jump(at, block, Jump(step.label))
+        if step.local != frame.called.local:
+            if step.local:
+                return None
+            raise block.refuse("a subprogram of this program has no end before it: write it")
         if step.label is None:
             return self._leave()
         if frame.remaining > 0 or frame.called in self.modals:
@@ -330,7 +338,7 @@ class Flow:
     def _end_frame(self, frame: _Frame) -> None:
         if self.modals and self.modals[-1].depth == len(self.frames):
             raise self.blocks[frame.caller].refuse(
-                "the subprogram ends while its G66 is active: write G67 before its end"
+                f"the subprogram ends while its {self._words[0]} is active: write {self._words[1]} before its end"
             )
         self.frames.pop()
         if frame.called is not None:
@@ -346,14 +354,22 @@ class Flow:
 
     def _modal(self, at: int, block: Block, step: Modal) -> None:
         if self.frames[-1].modals is not None:
-            raise block.refuse("G66 in a modal macro is not corrected: call the second macro by G65")
+            raise block.refuse(
+                f"{step.words[0]} in a modal macro is not corrected: call the second macro by {step.words[2]}"
+            )
+        if step.single and self.modals:
+            raise block.refuse(f"another {step.words[0]} is active: write {step.words[1]} before this one")
+        self._words = step.words
         self.modals.append(self._called(at, step.call))
 
     def _end_modal(self, _: int, block: Block, __: EndModal) -> None:
         if not self.modals:
             return
         if self.frames[-1].modals is not None or self.modals[-1].depth != len(self.frames):
-            raise block.refuse("G67 and its G66 are in different programs: write G67 in the program of G66")
+            raise block.refuse(
+                f"{self._words[1]} and its {self._words[0]} are in different programs: write {self._words[1]} in the "
+                f"program of {self._words[0]}"
+            )
         self.modals.pop()
 
     def _rerun(self, at: int, block: Block, step: Rerun) -> int | None:

@@ -144,6 +144,16 @@ class Call(NamedTuple):
     """True if the subprogram must have its own beginning in a file, as the subroutines of LinuxCNC."""
 
 
+class Taken(NamedTuple):
+    """The part of a block that calls a program, and that the blocks of this program replace when it is written out."""
+
+    at: int
+    end: int
+
+    def run(self, scope: Scope) -> None:
+        """Nothing happens."""
+
+
 class Return(NamedTuple):
     """The end of a subprogram."""
 
@@ -151,12 +161,18 @@ class Return(NamedTuple):
     """Reason for a refusal outside of a subprogram; empty if it then has no effect."""
     label: Expression | None = None
     """Block of the caller that runs next, instead of the one behind the call; in the main program a jump."""
+    local: bool = False
+    """True if it ends subprograms of the file alone, and not the program of the file."""
 
 
 class Modal(NamedTuple):
     """Run a subprogram behind every move from here on."""
 
     call: Call
+    words: tuple[str, str, str] = ("G66", "G67", "G65")
+    """What begins it, what ends it, and what calls a subprogram once; for messages."""
+    single: bool = False
+    """True if it replaces another modal call, which ncomp does not follow."""
 
 
 class EndModal(NamedTuple):

@@ -1,23 +1,42 @@
-"""Several Siemens programs in one file: which calls of one run another, and where each ends."""
+"""Siemens programs that call one another, in one file or in several: the calls, and where each program ends."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 
 from postproc.control.codes import PROGRAM_ENDS
-from postproc.siemens.codes import END_OF_SUBPROGRAM
+from postproc.siemens.codes import CALLS, END_OF_SUBPROGRAM, REFUSED_NAMES
+from postproc.siemens.reading.declarations import Pass
 from postproc.siemens.reading.statements import program_name
 from postproc.siemens.variables import EMPTY
+from postproc.siemens.words import is_known
 from postproc.text.block import Block, Word
-from postproc.text.expressions import Constant, Expression
-from postproc.text.statements import Call, Code, Return
+from postproc.text.expressions import Constant, Expression, Variable
+from postproc.text.statements import Call, Code, EndModal, Modal, Return
+
+_NAME = re.compile(r"(?:_N_)?(\w+?)(?:[._](?:SPF|MPF))?")
 
 
-def link(blocks: Sequence[Block], _: Callable[[], set[str]], __: bool) -> list[Block]:
-    """The blocks with statements for the calls of programs of the same file, and for the ends of all but the first."""
-    programs = {program_name(block) for block in blocks if block.kind == "header"} - {""}
+def names(file: str) -> list[str]:
+    """The names by which the program in a file is called: %L100 for `L100.SPF` and for `_N_L100_SPF`."""
+    stem, point, _ = file.upper().rpartition(".")
+    match = _NAME.fullmatch(stem or file.upper())
+    return [f"%{match[1]}"] if match and (point or file.upper().startswith("_N_")) else []
+
+
+def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bool) -> list[Block]:
+    """The blocks with statements for the calls of programs, and for the ends of all but a main program.
+
+    in_folders: the names of programs in files of their own; called: another program has called this file.
+    """
+    here = {program_name(block) for block in blocks if block.kind == "header"} - {""}
+    programs = here | {name.removeprefix("%") for name in in_folders()} - REFUSED_NAMES.keys()
     first = next((i for i, block in enumerate(blocks) if block.kind == "header" and block.code), len(blocks))
-    linked = [_with_call(block, programs) for block in blocks]
+    first = 0 if called else first
+    linked = [_with_call(block, here, programs) for block in blocks]
+    if any(block.code and any(isinstance(step, Modal) for step in block.code.after) for block in linked):
+        linked = [_with_end_of_modal_call(block) for block in linked]
     return linked[:first] + [_with_return(block) for block in linked[first:]]
 
 
@@ -37,20 +56,42 @@ def _with_return(block: Block) -> Block:
     return block._replace(code=code._replace(after=(*code.after, Return())))
 
 
-def _with_call(block: Block, programs: set[str]) -> Block:
-    called = [(word, name) for word in block.words if (name := _called(block, word)) in programs]
-    if not called or any(word.address == "MCALL" for word in block.words):
+def _with_call(block: Block, here: set[str], programs: set[str]) -> Block:
+    """The block with its call; here: the programs of the file, which may have names of the language."""
+    called = [
+        (word, name)
+        for word in block.words
+        if (name := _called(block, word)) in here
+        or _calls(word)
+        or (name in programs and not is_known(word.address, word))
+    ]
+    if not called:
         return block
     word, name = called[0]
-    others = [other for other in block.words if other.address not in ("N", "P") and other is not word]
+    modal = any(other.address == "MCALL" for other in block.words)
+    others = [other for other in block.words if other.address not in ("N", "P", "MCALL") and other is not word]
     if others or block.skippable or (block.code is not None and block.code.turns):
         raise block.refuse(f"the call of {name} must be alone in its block: write the other words in a block before it")
     passes = next((other for other in block.words if other.address == "P"), None)
-    given = [argument for argument in enumerate(word.arguments or (), start=1) if argument[1] != EMPTY]
+    if modal and passes is not None:
+        raise block.refuse("MCALL with P is not followed: write P into the subprogram")
+    given = [argument for argument in enumerate(_given(word), start=1) if argument[1] != EMPTY]
     call = Call(f"%{name}", tuple(given), _times(passes))
     numbers = tuple(other for other in block.words if other.address == "N")
     before = block.code.before if block.code is not None else ()
-    return block._replace(words=numbers, kind="words" if numbers else "control", code=Code(before, (call,)))
+    references = tuple((i, argument) for i, argument in given if isinstance(argument, Variable))
+    if references and not modal:
+        before = (*before, Pass(references))
+    step = Modal(call, ("MCALL", "MCALL", "its name"), single=True) if modal else call
+    return block._replace(words=numbers, kind="words" if numbers else "control", code=Code(before, (step,)))
+
+
+def _with_end_of_modal_call(block: Block) -> Block:
+    """The block with a statement for MCALL alone, in a program with modal calls of its own."""
+    if not any(word.address == "MCALL" for word in block.words) or len(block.words) > 2:
+        return block
+    code = block.code or Code()
+    return block._replace(code=code._replace(after=(*code.after, EndModal())))
 
 
 def _times(passes: Word | None) -> Expression | None:
@@ -59,10 +100,27 @@ def _times(passes: Word | None) -> Expression | None:
     return passes.formula.expression if passes.formula is not None else Constant(passes.value or 0.0)
 
 
+def _calls(word: Word) -> bool:
+    """True for a word that calls a program, whatever its name is."""
+    return word.address in CALLS or (word.address == "L" and word.value is not None)
+
+
 def _called(block: Block, word: Word) -> str:
     """The name of a program that a word may call."""
-    if word.address == "CALL":
-        return word.mode.removeprefix("_N_").removesuffix("_SPF").removesuffix(".SPF")
+    if word.address in CALLS:
+        given = word.arguments[0] if word.arguments else None
+        text = str(given.value).upper() if isinstance(given, Constant) else word.mode
+        if not (match := _NAME.fullmatch(text)):
+            raise block.refuse(
+                "a program is called by its name alone, and looked for in the folders of the programs: write "
+                f'{word.address} "NAME"'
+            )
+        return match[1]
     if word.address == "L" and word.value is not None:
         return "".join(block.text[word.at : word.end].split()).upper()
     return word.address if word.start == word.end else ""
+
+
+def _given(word: Word) -> tuple[Expression, ...]:
+    """The arguments of a call; EXTCALL has the name of the program in its parentheses."""
+    return () if word.address in CALLS else word.arguments or ()

@@ -10,22 +10,49 @@ from postproc.siemens.variables import EMPTY, MOST, SiemensVariables
 from postproc.text.expressions import Expression, NotKnown, Operation, Scope, Value, Variable, evaluate, whole
 
 
+class Pass(NamedTuple):
+    """The variables among the arguments of a call, which the subprogram may set."""
+
+    variables: tuple[tuple[int, Variable], ...]
+    """By their position in the call, from 1."""
+
+    def run(self, scope: Scope) -> None:
+        """Name them for the subprogram that begins next."""
+        assert isinstance(scope, SiemensVariables)
+        scope.passed = {i: (v.name, tuple(evaluate(index, scope) for index in v.indices)) for i, v in self.variables}
+
+
+class Parameter(NamedTuple):
+    """A parameter of a subprogram."""
+
+    kind: str
+    name: str
+    first: Expression | None
+    """The value for a call that gives none."""
+    by_reference: bool = False
+    """VAR: at the end of the subprogram the variable of the call gets its value."""
+
+
 class Receive(NamedTuple):
     """PROC: the parameters of a subprogram take the arguments of its call."""
 
-    parameters: tuple[tuple[str, str, Expression | None], ...]
-    """Kind, name, and the value for a call that gives none."""
+    parameters: tuple[Parameter, ...]
 
     def run(self, scope: Scope) -> None:
         """Declare them with the given values; in a program that nothing has called they are not known."""
         assert isinstance(scope, SiemensVariables)
-        arguments = scope.levels[-1].arguments
+        here = scope.levels[-1]
+        arguments = here.arguments
         if len(arguments) and max(arguments) > len(self.parameters):
             raise NotKnown("the call has more arguments than the subprogram has parameters: remove the others")
-        for i, (kind, name, default) in enumerate(self.parameters, start=1):
+        for i, (kind, name, default, by_reference) in enumerate(self.parameters, start=1):
             omitted = NotKnown(f"the call omits the argument for {name}")
             given = arguments.get(i, omitted if default is None else _known(default, scope))
             scope.declare(kind, name, (), [given])
+            if by_reference and scope.depth:
+                if i not in here.passed:
+                    raise NotKnown(f"{name} is declared with VAR: call the subprogram once, with a variable for it")
+                here.returned[name] = here.passed[i]
 
 
 class Fill(NamedTuple):

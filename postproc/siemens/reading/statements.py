@@ -9,7 +9,7 @@ from typing import Any
 
 from lark import Token, Tree
 
-from postproc.siemens.reading.declarations import Declare, Fill, Receive
+from postproc.siemens.reading.declarations import Declare, Fill, Parameter, Receive
 from postproc.siemens.variables import EITHER_WAY, EMPTY
 from postproc.text.block import Block, Word
 from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable, by_levels
@@ -17,7 +17,10 @@ from postproc.text.statements import Assign, Begin, Else, End, Jump, Label, Reru
 
 Node = Tree[Token] | Token
 
-FLOW = re.compile(r"(?<![A-Z_])(?:IF|GOTO|CASE|FOR|WHILE|UNTIL|REPEAT|LOOP|ELSE|END(?:IF|FOR|WHILE|LOOP))|^\s*%", re.I)
+FLOW = re.compile(
+    r"(?<![A-Z_])(?:IF|GOTO|CASE|FOR|WHILE|UNTIL|REPEAT|LOOP|ELSE|END(?:IF|FOR|WHILE|LOOP)|L\s*\d)|(?<!M)CALL|^\s*%",
+    re.I,
+)
 """Statements after which the next block does not always run."""
 LEVELS = {
     ":": 10,
@@ -223,11 +226,10 @@ def _receive(parts: list[Any]) -> Receive:
             continue
         tokens = {child.type: str(child).upper() for child in part.children if isinstance(child, Token)}
         trees = [child for child in part.children if isinstance(child, Tree)]
-        if "VAR" in tokens or any(tree.data == "indices" for tree in trees):
-            raise Ambiguous(
-                "a parameter with VAR, or an array, changes variables of the caller, which is not followed: remove it"
-            )
-        found.append((tokens["TYPE"], tokens["IDENTIFIER"], formula(trees[0]) if trees else None))
+        if any(tree.data == "indices" for tree in trees):
+            raise Ambiguous("a parameter that is an array is not followed: write its elements as parameters")
+        first = next((formula(tree) for tree in trees if tree.data == "expression"), None)
+        found.append(Parameter(tokens["TYPE"], tokens["IDENTIFIER"], first, by_reference="VAR" in tokens))
     return Receive(tuple(found))
 
 

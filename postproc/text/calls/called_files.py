@@ -32,10 +32,9 @@ class CalledFiles:
         self.folders, self._names = folders, names
         self._listed: dict[Path, dict[str, list[Path]]] = {}
 
-    @property
-    def names(self) -> set[str]:
-        """All names by which programs of these folders are called."""
-        return {name for folder in self.folders for name in self._called(folder)}
+    def names(self, caller: Path | None = None) -> set[str]:
+        """All names by which programs of these folders, and of the one of a calling program, are called."""
+        return {name for folder in self._searched(caller) for name in self._called(folder)}
 
     def find(self, name: str, caller: Path | None = None) -> Found | None:
         """The file of a called program, None if there is none; caller: folder of the calling program.
@@ -43,7 +42,7 @@ class CalledFiles:
         `A/B` is the program B in the folder A. NotKnown for two files, and for one outside of the folder.
         """
         *inner, last = name.split("/")
-        for folder in dict.fromkeys((*(() if caller is None else (caller,)), *self.folders)):
+        for folder in self._searched(caller):
             here: Path | None = folder
             for part in inner:
                 here = None if here is None else _only(_entries(here, part, folders=True), name)
@@ -54,11 +53,14 @@ class CalledFiles:
 
     def missing(self, caller: Path | None = None) -> str:
         """Where a program was looked for in vain."""
-        searched = dict.fromkeys((*(() if caller is None else (caller,)), *self.folders))
+        searched = self._searched(caller)
         if not searched:
             return f", and its folder is not known: {OPTION}"
         folders = ", ".join("the present folder" if str(folder) == "." else str(folder) for folder in searched)
         return f", and no file of it is in {folders}: write it there, or {OPTION}"
+
+    def _searched(self, caller: Path | None) -> list[Path]:
+        return list(dict.fromkeys((*(() if caller is None else (caller,)), *self.folders)))
 
     def _inside(self, path: Path, folder: Path, name: str) -> Found:
         """A file that was found in a folder; NotKnown if a link leads out of the folders."""
