@@ -8,15 +8,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 from postproc.control.block_skip import decide
+from postproc.control.codes import PROBE_BESIDE
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
 from postproc.dialects import Dialect
 from postproc.text.block import Block
 from postproc.text.calls.called_files import CalledFiles, Found, shown_name
+from postproc.text.calls.listing import Passed
 from postproc.text.dialect_evidence import TITLES, definite, evidence
 from postproc.text.expressions import NotKnown
 from postproc.text.line_numbers import first_line
 from postproc.text.source import Source, open_source
+
+PROBING_MACRO = re.compile(r"O9[78]\d\d")
+"""Names of the macros for probes of a machine (Renishaw, Blum)."""
 
 
 class CalledFile(NamedTuple):
@@ -51,6 +56,14 @@ class ProgramSet:
         calling = self._file(at)
         folder = calling.source.folder if calling else None
         found = self.found.find(name, folder)
+        if found is None and PROBING_MACRO.fullmatch(name):
+            state = self._interpreter.control_state
+            if not state.setup.probing:
+                raise NotKnown(
+                    f"the file has no subprogram {shown_name(name)}; if it is a macro that probes: {PROBE_BESIDE}"
+                )
+            self._interpreter.channel.probe(self.blocks[at], f"the macro {name}")
+            raise Passed
         if found is None:
             raise NotKnown(f"the file has no subprogram {shown_name(name)}{self.found.missing(folder)}")
         known = next((each for each in self.called if each.source.name == str(found.path)), None)

@@ -174,3 +174,35 @@ def test_the_tool_length_in_machine_coordinates_of_siemens(length, z, tmp_path):
     text = "G71 G90 G17 G54\nT1 D1 M6\nG0 X10 Y10 Z50\nSUPA G0 Z100\nM30\n"
     done = ncomp.correct(text, tmp_path / "mill.toml", "none", dialect="siemens", setup=setup, travel_check=False)
     assert done.moves.machine_target[:, 2].tolist() == [90.0, z]
+
+
+MACRO = (
+    "O0001\nG21 G90 G17 G54\nG0 X0. Y0. Z20.\n#101=5.\nG65 P9810 Z5. F3000.\nG65 P9811 Z0. S1.\nG0 X0. Y0. Z20.\n"
+    "G1 X10. F100\nM30\n"
+)
+
+
+def test_macros_for_probes_in_other_memories():
+    """G65 P9810 is in no file: where it ends is not known, and #101 may be another one behind it."""
+    setup = ncomp.set_up("gantry", work_offset=["G54=100,200,0"], probing="beside")
+    done = ncomp.correct(MACRO, "gantry", "none", dialect="iso", setup=setup, travel_check=False)
+    assert done.moves.machine_target[-2:].tolist() == [[100.0, 200.0, 20.0], [110.0, 200.0, 20.0]]
+    for bad, reason in {
+        MACRO.replace("X10.", "X#101"): "O9811 probes and may set it",
+        MACRO.replace("G0 X0. Y0. Z20.\nG1", "G91 G0 Z2.\nG1"): "an increment of Z needs a known start",
+        MACRO.replace("P9811", "P8811"): "subprogram O8811",
+    }.items():
+        with pytest.raises(UserError, match=reason):
+            ncomp.correct(bad, "gantry", "none", dialect="iso", setup=setup, travel_check=False)
+
+
+def test_a_turn_the_long_way_is_noted(tmp_path):
+    """C350 to C0 as it is written is 350 degrees back; 320 degrees, and increments, are meant."""
+    axes = machine_text("w C b X Y Z t").replace("[axes.C]\n", '[axes.C]\nrollover = "as-written"\n')
+    (tmp_path / "mill.toml").write_text(axes)
+    text = "G21 G90 G17 G54\nG0 X0. Y0. Z5. C350.\nG1 X5. C0. F100\nX6. C320.\nG91 C350.\nM2\n"
+    (tmp_path / "a.nc").write_text(text)
+    line = ("check", tmp_path / "a.nc", "--machine", tmp_path / "mill.toml", "--set-up-zero", "--no-travel-check")
+    said = " ".join(succeed(*line).shown.split())
+    assert "C turns by 350 degrees in a feed move, and the shortest way would be 10 degrees back" in said
+    assert said.count("check that the move is meant (line 3)") == 1

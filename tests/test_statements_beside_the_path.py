@@ -62,7 +62,7 @@ MESSAGES = {
     "a dwell with a move": ("G4 P1. X5.\n", "fanuc", "write the move in a block of its own"),
     "a cancelled preset with a move": ("G92.1 X5.\n", "linuxcnc", "write the move in a block of its own"),
     "inches": ("G70\n", "any", "write G20 or G21"),
-    "inches on FANUC": ("G71\n", "fanuc", "G71 is not known"),
+    "inches on FANUC": ("G71\n", "fanuc", "G71 is no unit on this control"),
 }  # fmt: skip
 
 

@@ -39,6 +39,7 @@ READ = {
     "leading zero": "T01 P1 Z+.5\n",
     "comments and empty lines": ";head\n\n   \nT1 P1 Z3.5;x\n",
     "CR LF": "T1 P1 Z3.5\r\nT2 P2 Z4 ;x\r\n",
+    "a line that names no tool": "POCKET LENGTH\n-----\nT1 P1 Z3.5\n",
     "one tool without pocket": "T1 Z3.5\nT2 P2 Z4\n",
 }
 

@@ -15,6 +15,8 @@ from postproc.text.notes import Notes
 FEED_KINDS = (Kind.LINE, Kind.ARC, Kind.CYCLE)
 FEEDS = frozenset(("F", "FU", "FZ", "FT", "FB", "FD", "FAUTO"))
 """Addresses of a feed, in all dialects."""
+LONG_WAY = 330.0
+"""Degrees of a turn in one feed move, from which it may be a mistake."""
 WITHOUT_FEED = "a feed move has no F before it: the control takes a feed of its own, or refuses the program"
 
 
@@ -54,3 +56,17 @@ class FeedNotes:
                     f"(rollover under [axes.{name}] in the machine file states it)"
                 )
                 self.notes.add(text, int(motions.line[row]))
+        for row in np.flatnonzero((motions.kind == Kind.LINE) & (turned >= LONG_WAY) & (turned < TURN - 1e-6)).tolist():
+            self._note_long_way(motions, row)
+
+    def _note_long_way(self, motions: Motions, row: int) -> None:
+        """A feed move that turns nearly a turn, as the program has it: from 355 to 5 degrees, perhaps by mistake."""
+        incremental = [word.axis for word in motions.words[row] if word.incremental]
+        but = {*turns_unknown(motions, row), *incremental}
+        for axis, way in enumerate((motions.target[row] - motions.start[row]).tolist()):
+            if motions.machine.rotary[axis] and LONG_WAY <= abs(way) < TURN - 1e-6 and axis not in but:
+                self.notes.add(
+                    f"{motions.machine.names[axis]} turns by {abs(way):.6g} degrees in a feed move, and the shortest "
+                    f"way would be {TURN - abs(way):.6g} degrees back: check that the move is meant",
+                    int(motions.line[row]),
+                )

@@ -16,7 +16,7 @@ import msgspec
 from postproc.text.block import Block
 from postproc.text.block_values import with_values
 from postproc.text.branches import StructureSteps
-from postproc.text.calls.listing import Files, Listing, OneFile
+from postproc.text.calls.listing import Files, Listing, OneFile, Passed
 from postproc.text.expressions import Expression, NotKnown, Scope, Value, evaluate, number, whole
 from postproc.text.statements import (
     Call,
@@ -274,7 +274,11 @@ class Flow:
             raise block.refuse(
                 "not all controls run the modal macro after the moves of this macro: end the modal call before it"
             )
-        return self._enter(at, block, self._called(at, step))
+        try:
+            called = self._called(at, step)
+        except Passed:
+            return None
+        return self._enter(at, block, called)
 
     def _called(self, at: int, step: Call) -> _Called:
         first = self.listing.first_block(self._name(step.name), at, local=step.local, begun=step.begun)

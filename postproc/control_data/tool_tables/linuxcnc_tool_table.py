@@ -1,7 +1,8 @@
 """LinuxCNC's `tool.tbl`: `T1 P1 D10 Z120.5 ;mill`, lengths in the unit of the machine (its INI file, LINEAR_UNITS).
 
 Read as LinuxCNC 2.9 does (`tooldata_common.cc`, tried with rs274): words are separated by spaces alone, a word that is
-missing is 0, and a line with anything else is skipped or read in part. Such lines are refused here.
+missing is 0, and a line with anything else is skipped or read in part. A line that names no tool is skipped here too;
+one that names a tool and is not read whole is refused.
 """
 
 from __future__ import annotations
@@ -16,14 +17,19 @@ from postproc.control_data.tool_tables.form import Form
 _WORD = re.compile(
     r"(?:(?P<whole>[TP])(\d+)|(?P<number>[XYZABCUVWDIJQ])([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?))", re.I
 )
+_NAMES_TOOL = re.compile(r"T[^A-Z]*\d", re.I)
+"""Something that may be the number of a tool."""
 _SIDEWAYS = "XYABCUVW"
 
 
 def read(path: Path, text: str) -> ToolTable:
     """Lengths and radii; UserError with the line that is not understood, or has an offset sideways."""
-    lengths, radii, without_pocket = {}, {}, 0
+    lengths, radii, without_pocket, skipped = {}, {}, 0, (0, "")
     for i, line in enumerate(text.split("\n"), start=1):
         if not line.partition(";")[0].strip():
+            continue
+        if not _NAMES_TOOL.search(line.partition(";")[0]):
+            skipped = skipped if skipped[0] else (i, line)
             continue
         words = _words(path, i, line)
         sideways = next((letter for letter in _SIDEWAYS if words.get(letter)), "")
@@ -41,6 +47,8 @@ def read(path: Path, text: str) -> ToolTable:
         lengths[tool] = words.get("Z", 0.0)
         if "D" in words:
             radii[tool] = words["D"] / 2.0
+    if skipped[0] and not lengths:
+        _words(path, *skipped)
     return ToolTable(lengths, radii=radii)
 
 

@@ -12,6 +12,10 @@ from postproc.text.calls.called_files import shown_name
 from postproc.text.expressions import NotKnown
 
 
+class Passed(Exception):
+    """Raised for a call that is not followed: the user states that the contour is independent of it."""
+
+
 class Files(Protocol):
     """The files of called programs."""
 
