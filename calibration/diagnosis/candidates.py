@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
-from calibration.diagnosis.dictionary import Dictionary
+from calibration.diagnosis.dictionary import Dictionary, single
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
@@ -25,7 +27,8 @@ LEAST = 1e-3
 """Variance that the geometry gives a direction of the observations, in that of the noise, above which it counts."""
 
 
-class Beyond(NamedTuple):
+@dataclass(frozen=True)
+class Beyond:
     """What the geometry of a structure leaves of whitened columns: with its prior sizes, a part of each direction.
 
     The root of this part is taken, so that products of what is left are those that the evidence needs. A difference of
@@ -42,21 +45,26 @@ class Beyond(NamedTuple):
     @classmethod
     def of(cls, structure: Structure) -> Beyond:
         """What the geometry of a structure leaves."""
-        equations, geometry = structure.equations, len(structure.data.geometry.bands)
-        size = structure.sizes[:geometry] / np.sqrt(structure.noise.factor)
-        values, vectors = np.linalg.eigh(equations.gram[:geometry, :geometry] * size[:, None] * size)
+        equations = structure.of_geometry
+        size = structure.sizes[: structure.data.geometry.width] / np.sqrt(structure.noise.factor)
+        values, vectors = np.linalg.eigh(equations.gram * size[:, None] * size)
         used = values > LEAST
         turned = vectors[:, used] * size[:, None] / np.sqrt(values[used])
         spanned = structure.whitener.spanned
-        directions = np.concatenate([spanned, equations.design[:, :geometry] @ turned], axis=1)
+        directions = np.concatenate([spanned, equations.design @ turned], axis=1)
         taken = np.concatenate([np.ones(spanned.shape[1]), 1.0 - 1.0 / np.sqrt(1.0 + values[used])])
         bare = cls(directions, taken, equations.residual)
-        return bare._replace(residual=bare.left(equations.residual))
+        return replace(bare, residual=bare.left(equations.residual))
 
     def left(self, table: Array) -> Array:
         """What is left of whitened columns `(N, ...)`, in their precision."""
-        directions = self.directions.astype(table.dtype, copy=False)
-        return np.asarray(table - (directions * self.taken.astype(table.dtype)) @ (directions.T @ table))
+        directions, taken = self._single if table.dtype == np.float32 else (self.directions, self.taken)
+        return np.asarray(table - directions @ (taken.reshape(-1, *[1] * (table.ndim - 1)) * (directions.T @ table)))
+
+    @cached_property
+    def _single(self) -> tuple[Array, Array]:
+        """The directions and their shares in single precision."""
+        return self.directions.astype(np.float32), self.taken.astype(np.float32)
 
 
 class Present(NamedTuple):
@@ -75,7 +83,7 @@ class Present(NamedTuple):
     @classmethod
     def of(cls, structure: Structure, beyond: Beyond) -> Present:
         """The terms of a structure."""
-        left = beyond.left(structure.equations.design[:, len(structure.data.geometry.bands) :])
+        left = beyond.left(structure.of_terms)
         starts = np.cumsum([0, *(term.width for term in structure.terms)])
         return cls(beyond, left, left.T @ left, left.T @ beyond.residual, starts)
 
@@ -136,13 +144,12 @@ class Candidates:
     def of(cls, structure: Structure, dictionary: Dictionary, further: Sequence[Term] = ()) -> Candidates:
         """Those of a dictionary, and some further ones."""
         present = Present.of(structure, Beyond.of(structure))
-        blocks = list(dictionary.blocks())
-        known = len(dictionary.terms)
         terms = [*dictionary.terms, *further]
-        if further:
-            own = np.concatenate([term.make().astype(np.float32) for term in further], axis=2)
-            blocks.append((np.arange(known, len(terms)), own))
-        return cls(structure, terms, present, list(_grouped(structure, present, terms, blocks)))
+        numbers = np.arange(len(dictionary.terms), len(terms))
+        made = ((numbers, single(further)) for _ in numbers[:1])
+        return cls(
+            structure, terms, present, list(_grouped(structure, present, terms, chain(dictionary.blocks(), made)))
+        )
 
     def beside(self, terms: Sequence[Term]) -> Candidates:
         """No candidates, beside other terms with the same geometry and noise; for `exact`."""

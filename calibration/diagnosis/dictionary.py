@@ -10,9 +10,9 @@ import numpy as np
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 
-BLOCK = 400
+BLOCK = 200
 """Columns that are worked on together: the products of a block stay in the cache of the processor."""
-KEPT_BYTES = 200_000_000
+KEPT_BYTES = 100_000_000
 """Columns that are kept; the others are made again for each pass."""
 
 
@@ -37,7 +37,12 @@ class Dictionary:
     def _columns(self, number: int, members: Sequence[int]) -> Array:
         if number in self._kept:
             return self._kept[number]
-        made = np.concatenate([self.terms[i].make().astype(np.float32) for i in members], axis=2)
+        made = single([self.terms[i] for i in members])
         if sum(each.nbytes for each in self._kept.values()) + made.nbytes <= KEPT_BYTES:
             self._kept[number] = made
         return made
+
+
+def single(terms: Sequence[Term]) -> Array:
+    """Columns of terms side by side `(n, d, sum of widths)`, in single precision."""
+    return np.concatenate([term.make().astype(np.float32) for term in terms], axis=2)

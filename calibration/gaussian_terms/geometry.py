@@ -175,11 +175,13 @@ def geometry(observations: Observations) -> Geometry:
     sizes = np.concatenate([np.zeros(0), *(part.scales for part in parts)])
     keys = [CALIBRATED] * root.shape[1] + [key for part in parts for key in part.keys]
     columns = observations.columns(effects)
-    of_given = columns[:, :, : len(root)] @ root
+    columns[:, :, len(root) :] *= sizes
+    if len(root):
+        columns = np.concatenate([columns[:, :, : len(root)] @ root, columns[:, :, len(root) :]], axis=2)
     return Geometry(
         **vars(Bands.of(keys, observations.priors)),
         effects=effects,
-        columns=np.concatenate([of_given, columns[:, :, len(root) :] * sizes], axis=2),
+        columns=columns,
         parameters=block_diag(root, np.diag(sizes)),
         before=np.concatenate([given.parameters if given else np.zeros(0), np.zeros(len(sizes))]),
     )

@@ -91,8 +91,13 @@ class Structure:
     @cached_property
     def equations(self) -> Equations:
         """Whitened columns of the geometry, then of each term."""
+        return self.of_geometry.beside(self.of_terms) if self.terms else self.of_geometry
+
+    @cached_property
+    def of_terms(self) -> Array:
+        """Whitened columns `(N, a)` of the terms, one after the other."""
         own = [self.whitener.columns(term.columns) for term in self.terms]
-        return self.of_geometry.beside(np.concatenate(own, axis=1)) if own else self.of_geometry
+        return np.concatenate([np.zeros((len(self.whitener.spanned), 0)), *own], axis=1)
 
     @cached_property
     def posterior(self) -> Posterior:
@@ -208,8 +213,7 @@ class Structure:
             left_out = self.noise.left_out
         new = replace(self, noise=Noise(factor, repeats, left_out))
         if not repeats and not self.noise.repeats and np.array_equal(left_out, self.noise.left_out):
-            new.__dict__["equations"] = self.equations  # a factor alone is left out of the whitening
-            return self._of_same_whitening(new)
+            return self._of_same_columns(new)  # a factor alone is left out of the whitening
         return new
 
     @cached_property
@@ -233,8 +237,12 @@ class Structure:
         """The structure with other sizes of bands and terms; nothing is whitened anew."""
         bands = len(self.band_sizes)
         new = replace(self, band_sizes=sizes[:bands], term_sizes=tuple(sizes[bands:].tolist()))
-        new.__dict__["equations"] = self.equations
-        return self._of_same_whitening(new)
+        return self._of_same_columns(new)
+
+    def _of_same_columns(self, other: Structure) -> Structure:
+        """A structure of the same terms and the same whitening; nothing is whitened anew."""
+        other.__dict__["equations"], other.__dict__["of_terms"] = self.equations, self.of_terms
+        return self._of_same_whitening(other)
 
     def _of_same_whitening(self, other: Structure) -> Structure:
         """A structure whose noise has the same whitening; the geometry is not whitened anew."""

@@ -14,6 +14,8 @@ from kinematics.transforms import Array
 
 RANK = 1e-9
 """Singular value of the registration, as a share of the largest one, below which a combination is not observed."""
+TOGETHER = 64
+"""Columns that are whitened together: several copies of them are made."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,11 @@ class Whitener:
 
     def columns(self, table: Array) -> Array:
         """Whitened columns `(n d + k, c)` of terms `(n, d, c)`, free of the registration."""
-        return self._free(self.with_stated(table))
+        found = np.empty((len(self.spanned), table.shape[2]), table.dtype)
+        for first in range(0, table.shape[2], TOGETHER):
+            some = slice(first, first + TOGETHER)
+            found[:, some] = self._free(self.with_stated(table[:, :, some]))
+        return found
 
     def with_stated(self, table: Array) -> Array:
         """Whitened rows `(n d + k, c)` of terms, whatever the registration: those of stated values are 0."""
