@@ -56,6 +56,8 @@ class Dialect(msgspec.Struct, frozen=True):
     """The names by which a program is called, by the name of its file."""
     end: str = ""
     """The cure for a called program without an end."""
+    calls: re.Pattern[str] | None = None
+    """Pattern that matches at least every call of a program in another file, but one by its name alone."""
     calls_by_name: bool = False
     """True if the name of a program alone calls it."""
     plain: PlainStyle | None = None
@@ -102,6 +104,7 @@ def _iso() -> Dialect:
         begins=lambda block: any(word.address == "O" for word in block.words),
         names=iso_calls.names,
         end="write M99 as its last block",
+        calls=re.compile(r"M[ \t]*0*1?98|G[ \t]*0*6[56]|O[ \t]*(?:\d+|<[^<>]*>)[ \t]*C", re.IGNORECASE),
         plain=PlainStyle("FNS", motions="0123", arcs="IJKR"),
     )
 
@@ -125,6 +128,7 @@ def _heidenhain() -> Dialect:
         link=heidenhain_calls.link,
         names=heidenhain_calls.names,
         end="write END PGM as its last block",
+        calls=re.compile(r"(?:CALL|SEL)[ \t]+PGM|DEF[ \t]+12", re.IGNORECASE),
         flat_arcs=True,
         leads=lambda block: block.kind == "centre",
         plain=PlainStyle("FR", head="L", rapid="FMAX", unchanged="R", continued="~", marks=".,"),
@@ -149,6 +153,7 @@ def _siemens() -> Dialect:
         link=siemens_calls.link,
         names=siemens_calls.names,
         end="write M17 or RET as its last block",
+        calls=re.compile(r"(?<![A-Z_])L\s*\d|CALL", re.IGNORECASE),
         calls_by_name=True,
         begins=lambda block: block.kind == "header",
         plain=PlainStyle("FNS", motions="0123", arcs="IJK"),

@@ -159,8 +159,8 @@ class StreamedProgram:
         return [], []
 
     @property
-    def called_names(self) -> list[str]:
-        """The names of the files that it has called so far."""
+    def called_files(self) -> list[CalledFile]:
+        """The files that it has called so far."""
         return []
 
     def called(self) -> Iterator[tuple[CalledFile, Sequence[Block], list[str | PlainText]]]:
@@ -233,9 +233,9 @@ class StoredProgram(StreamedProgram):
         return self._with_texts(0, self.program_set.main)
 
     @property
-    def called_names(self) -> list[str]:
-        """The names of the files that it has called so far."""
-        return [file.name for file in self.program_set.called]
+    def called_files(self) -> list[CalledFile]:
+        """The files that it has called so far."""
+        return self.program_set.called
 
     def called(self) -> Iterator[tuple[CalledFile, Sequence[Block], list[str | PlainText]]]:
         """The called files, each with its blocks and their texts."""

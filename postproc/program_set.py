@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,13 +13,14 @@ from postproc.control.codes import PROBE_BESIDE
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
 from postproc.dialects import Dialect
-from postproc.text.block import Block
+from postproc.text.block import Block, Refusal
 from postproc.text.calls.called_files import CalledFiles, Found, shown_name
 from postproc.text.calls.listing import Passed
 from postproc.text.dialect_evidence import TITLES, definite, evidence
-from postproc.text.expressions import NotKnown
+from postproc.text.expressions import NotKnown, Scope, evaluate
 from postproc.text.line_numbers import first_line
-from postproc.text.source import Source, open_source
+from postproc.text.source import ENCODING, Source, open_source
+from postproc.text.statements import Assign, Call, Code, Modal, When
 
 PROBING_MACRO = re.compile(r"O9[78]\d\d")
 """Names of the macros for probes of a machine (Renishaw, Blum)."""
@@ -132,13 +134,56 @@ class ProgramSet:
             raise NotKnown(f"{found.path} has the name of the main program: rename it")
 
 
-def called_files(source: Source, dialect: Dialect, setup: Setup) -> CalledFiles:
-    """The files that a program may call: of its folder, and of those of the set-up."""
-    own = () if source.folder is None else (source.folder,)
-    return CalledFiles([*own, *map(Path, setup.subprograms)], dialect.names)
+def called_files(source: Source, dialect: Dialect, setup: Setup, main: Path | None = None) -> CalledFiles:
+    """The files that a program may call: of its folder, and of those of the set-up.
+
+    main: folder of the main program, if this is another one.
+    """
+    own = [folder for folder in (source.folder, main) if folder is not None]
+    return CalledFiles(list(dict.fromkeys((*own, *map(Path, setup.subprograms)))), dialect.names)
 
 
 def names_in_text(dialect: Dialect, files: CalledFiles) -> re.Pattern[str] | None:
     """Pattern of the names of programs that a block may call by their name alone; None if there is none."""
-    words = sorted(map(shown_name, files.names())) if dialect.calls_by_name else []
+    return _words(map(shown_name, files.names())) if dialect.calls_by_name else None
+
+
+def _words(names: Iterable[str]) -> re.Pattern[str] | None:
+    words = sorted(names)
     return re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, words))})(?!\w)", re.IGNORECASE) if words else None
+
+
+def calls_in(source: Source, dialect: Dialect, setup: Setup, scope: Scope) -> Iterator[str]:
+    """The names of programs that a program calls, whether or not the call runs; without those that it calculates."""
+    files = called_files(source, dialect, setup)
+    names = {shown_name(name) for name in files.names()} if dialect.calls_by_name else set()
+    for piece in source.pieces():
+        data = piece.upper()
+        patterns = (dialect.calls, _words(name for name in names if name.encode(ENCODING) in data))
+        text = piece.decode(ENCODING)
+        lines = {_line(text, match.start()) for pattern in patterns if pattern for match in pattern.finditer(text)}
+        for line in lines:
+            try:
+                blocks = dialect.link([dialect.read_block(1, line)], files.names, False)
+            except Refusal:
+                continue
+            yield from _called(blocks, scope)
+
+
+def _line(text: str, at: int) -> str:
+    """The line of a text at a place."""
+    end = text.find("\n", at)
+    return text[text.rfind("\n", 0, at) + 1 : len(text) if end < 0 else end + 1]
+
+
+def _called(blocks: Iterable[Block], scope: Scope) -> Iterator[str]:
+    """The names of programs in the statements of blocks."""
+    for block in blocks:
+        code = block.code or Code()
+        for step in (*code.before, *code.after):
+            inner = step.call if isinstance(step, Modal) else step.then if isinstance(step, When) else step
+            name = inner.name if isinstance(inner, Call) else inner.value if isinstance(inner, Assign) else ""
+            with suppress(NotKnown):
+                value = name if isinstance(name, str) else evaluate(name, scope)
+                if isinstance(value, str) and value:
+                    yield value

@@ -42,3 +42,6 @@ class Job(msgspec.Struct, frozen=True):
     """True if loops and calls are written out."""
     beside: bool = False
     """True if the files of called programs are corrected as files; otherwise their blocks are written out."""
+    shared: frozenset[str] = frozenset()
+    """Files of called programs that other programs call too: if they need a correction, their blocks are written out.
+    """

@@ -57,30 +57,27 @@ def mark_of(model: ErrorModel, state: ControlState) -> Mark:
 
 
 def mark_line(
-    dialect: Dialect,
-    machine: Machine,
-    mark: Mark,
-    source: Source,
-    accepted: Iterable[str] = (),
-    caller: Source | None = None,
+    dialect: Dialect, machine: Machine, mark: Mark, source: Source, accepted: Iterable[str] = (), called: str = ""
 ) -> str:
     """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it.
 
-    caller: the main program of a called one.
+    called: the end of the mark of a called program.
     """
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
     text = f"NCOMP {VERSION} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
-    named = "".join(f" {word} {value}" for word, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
+    text += "".join(f" {word} {value}" for word, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
     names = ",".join(sorted(accepted)).upper()
-    return (
-        dialect.comment.format(text + named + (f" ACCEPTED {names}" if names else "") + called_by(caller))
-        + source.line_end
-    )
+    text += (f" ACCEPTED {names}" if names else "") + called
+    return dialect.comment.format(text) + source.line_end
 
 
-def called_by(caller: Source | None) -> str:
-    """The end of the mark of a called program; empty for a main program."""
-    return "" if caller is None else f" CALLED BY {_PLAIN.sub('_', PurePath(caller.name).name.upper())}"
+def called_by(caller: Source) -> str:
+    """The end of the mark of a called program, with the name of the main program."""
+    return f" CALLED BY {_PLAIN.sub('_', PurePath(caller.name).name.upper())}"
+
+
+UNCHANGED = " CALLED"
+"""The end of the mark of a called program without a correction, which is alike for all main programs."""
 
 
 def mark_in(text: str) -> Mark | None:

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import io
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 from msgspec.structs import replace
 
+from kinematics.files.inputs import true_path
 from kinematics.running.memory import keep_freed_memory
 from kinematics.running.progress import Unseen
 from kinematics.user_error import UserError
@@ -186,9 +188,9 @@ class Pipeline:
                     raise
                 evaluation.settle()
             except Refusal as refusal:
-                if isinstance(refusal, Different) and program.called_names:
+                if isinstance(refusal, Different) and program.called_files:
                     where = f"{shown(refusal.line)} needs a different correction each time"
-                    raise WritingOut(f"{_written_out(program.called_names)}, because {where}") from None
+                    raise WritingOut(f"{_written_out(program.called_files)}, because {where}") from None
                 raise refusal.located(program.source.name, job.dialect.evidence) from None
             return evaluation.finish()
 
@@ -206,22 +208,24 @@ class Pipeline:
 
     def _refuse_called(self, program: StreamedProgram) -> None:
         """WritingOut if the program has called other files, and these cannot be corrected as files."""
-        names = program.called_names
-        if names and not self._job.beside:
-            raise WritingOut(f"{_written_out(names)}: the output is one program")
+        if program.called_files and not self._job.beside:
+            raise WritingOut(f"{_written_out(program.called_files)}: the output is one program")
 
     def _corrected_file(
         self, file: CalledFile, blocks: Sequence[Block], texts: Sequence[str | PlainText]
     ) -> CorrectedFile:
-        """The file of a called program, corrected; one without a change stays as it is, without a mark."""
+        """The file of a called program, corrected, with a mark."""
         job, marked = replace(self._job, source=file.source), bool(self._models.evaluated.effects)
         if marked:
             refuse_marked(blocks, job.dialect, Notes(), force=job.force)
         changed = any(text != block.text for text, block in zip(texts, blocks, strict=True))
+        if changed and str(true_path(Path(file.source.name))) in job.shared:
+            why = f"other programs call {file.name} too, with corrections that may differ"
+            raise WritingOut(f"{_written_out([file])}, because {why}")
         with tempfile.SpooledTemporaryFile(SPOOLED) as lines:
-            output, out = Output(job, lines, marked=marked and changed), io.BytesIO()
+            output, out = Output(job, lines, marked=marked), io.BytesIO()
             self._put(output, blocks, texts)
-            output.finish(self._state, self._checks.accepted, out, self._job.source)
+            output.finish_called(self._state, self._checks.accepted, out, self._job.source, changed=changed)
         return CorrectedFile(file.name, file.source, out.getvalue())
 
     def _put(self, output: Output, blocks: Sequence[Block], texts: Sequence[str | PlainText]) -> None:
@@ -243,5 +247,5 @@ class Pipeline:
         return written.texts
 
 
-def _written_out(names: Sequence[str]) -> str:
-    return f"the calls of {', '.join(names)} are written out in the program"
+def _written_out(files: Iterable[CalledFile]) -> str:
+    return f"the calls of {', '.join(file.name for file in files)} are written out in the program"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from kinematics.files.inputs import true_path
 from kinematics.user_error import UserError
-from postproc.correct.mark import called_by
+from postproc.correct.mark import UNCHANGED, called_by
 
 if TYPE_CHECKING:
     from postproc.interface.programs import Corrected
@@ -38,7 +38,8 @@ def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
 
 
 def _is_replaced(path: Path, data: bytes, done: Corrected) -> bool:
-    """True if a file is the same, or an earlier correction for the same main program."""
+    """True if a file is the same, or an earlier correction for the same main program, or for all main programs."""
     there = path.read_bytes() if path.is_file() else b""
-    mark = called_by(done.job.source).encode()
-    return there == data or any(b"NCOMP " in line and mark in line for line in there.splitlines())
+    marks = tuple(mark.encode() for mark in (called_by(done.job.source), UNCHANGED))
+    lines = (line.rstrip(b") \t\r") for line in there.split(b"\n") if b"NCOMP " in line)
+    return there == data or any(line.endswith(marks) for line in lines)

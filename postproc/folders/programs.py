@@ -52,6 +52,10 @@ class FolderProgram:
     """The set-up that is given for it alone, in its entry of a job file."""
     setup: Setup | None = field(default=None, compare=False)
     """The whole set-up, if it is not that of all programs."""
+    called: tuple[Path, ...] = ()
+    """Files of the programs that it calls, which are corrected with it."""
+    shared: tuple[str, ...] = ()
+    """Those of them that other programs of the run call too."""
     own_names: tuple[str, ...] = ()
     """Names of the parts of its own set-up; a program that does not use them is refused."""
 
@@ -185,7 +189,10 @@ def corrected(
     sent: programs and corrections travel between this process and the workers, which need not have the same disk.
     """
     ordered = sorted(programs, key=lambda each: -each.size)
-    if not sent:
+    if sent:  # a worker may not see called files
+        ordered, here = [each for each in ordered if not each.called], [each for each in ordered if each.called]
+        yield from ((each, correct_file(correction, each)) for each in here)
+    else:
         tasks = ((correction, each) for each in ordered)
         for (_, program), outcome in team.results(correct_file, tasks, lambda _: LOST):
             yield program, outcome
@@ -228,7 +235,7 @@ def correct_file(
         beside.update(files_beside(program.target, done))
         after(done)
 
-    as_files = partial(correction, beside=True)
+    as_files = partial(correction, beside=True, shared=program.shared)
     return _outcome(as_files, program, opened, whole_file(program.target, beside), called)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from postproc.folders.summary import Summary
     from postproc.interface.request import Request
 
-OF_ONE = ("output", "traced", "one_of_several", "beside")
+OF_ONE = ("output", "traced", "one_of_several", "beside", "shared")
 """Arguments of `correct` that several programs cannot share."""
 
 
@@ -55,6 +55,7 @@ def batch(
     from kinematics.running.arguments import checked
     from machines.given import load_calibration, load_machine
     from postproc.folders.programs import check_targets, programs_of
+    from postproc.folders.sets import Sets
     from postproc.folders.summary import correct_all
 
     _refuse_of_one("batch", OF_ONE, correction)
@@ -62,7 +63,8 @@ def batch(
     model = load_calibration(found, calibration)
     given = {"setup": setup or make_set_up(found), **correction}
     checked(correct, ("", found, model), given)
-    programs = programs_of(Path(folder), Path(output), glob)
+    found_there = programs_of(Path(folder), Path(output), glob)
+    programs = Sets(correction.get("dialect", "auto")).main_programs(found_there, given["setup"])
     if setup is None:
         each = [(program, *own_set_up(program.path, found)) for program in programs]
         programs = [replace(program, setup=own, own_names=tuple(names)) for program, own, names in each]

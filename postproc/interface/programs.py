@@ -152,6 +152,7 @@ def correct(
     jobs: Annotated[int, 1, None] = 1,
     one_of_several: bool = False,
     beside: bool = False,
+    shared: Iterable[str] = (),
 ) -> Corrected:
     """Correct a program: each block ends at its nominal position, by the machine's error model.
 
@@ -164,8 +165,8 @@ def correct(
     script that sets it must guard its main part by `if __name__ == "__main__"`, because a new process reads the
     script. one_of_several: the set-up is that of several programs, and this one may leave a part of it unused;
     otherwise a work offset or tool length without effect is refused where the program uses others that are not given.
-    beside: the files of called programs are corrected as files, `called` of the result, if all calls of a block need
-    the same correction; otherwise they are written out into the program.
+    beside: the files of called programs are corrected as files, `called` of the result, where each call needs the same
+    correction; otherwise they are written out. shared: those of them that must stay unchanged, for other programs.
 
     UserError, with file and line, for a construct that is not fully understood; discard `output` then.
 
@@ -207,6 +208,7 @@ def correct(
         leave_outside=outside == "leave",
         unroll=unroll,
         beside=beside,
+        shared=frozenset(shared),
     )
     pipeline = Pipeline(job, traced=traced, processes=jobs)
     file = io.BytesIO()

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from kinematics.files import fingerprint, read_input
+from postproc.control.setup import Setup
 from postproc.correct.report import DEMONSTRATION
 from postproc.folders.programs import Correction
 from postproc.interface.request import Request
@@ -40,12 +41,15 @@ class Renewed:
 
     def _take(self, request: Request, contents: Mapping[Path, str]) -> None:
         found, model, self.correction = request.prepared(of_several=True)
+        self.setup = request.setup(found)
         self._request, self._contents = request, dict(contents)
         self.title = f"machine {found.name}, calibration {model.id}"
         self.warning = DEMONSTRATION if model.invented else ""
 
     correction: Correction
     """Corrects a program by the files as they were at the last renewal."""
+    setup: Setup
+    """The set-up of all programs, likewise."""
     title: str
     """Machine and calibration, in words."""
     warning: str

@@ -66,6 +66,19 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
         given, names = of_program(self.set_up, program, load_machine(self.machine), own)
         return (self, names) if given is self.set_up else (msgspec.structs.replace(self, set_up=given), names)
 
+    @property
+    def dialect(self) -> str:
+        """The dialect of the programs, or `auto`."""
+        return str(self.correction.get("dialect", "auto"))
+
+    def main_programs(self, programs: Iterable[FolderProgram]) -> list[FolderProgram]:
+        """The programs that no other one calls: called ones are corrected with these."""
+        from postproc.folders.sets import Sets
+
+        return Sets(self.correction.get("dialect", "auto")).main_programs(
+            programs, self.setup(load_machine(self.machine))
+        )
+
     def of_each(self, programs: Iterable[FolderProgram]) -> list[FolderProgram]:
         """The programs, each with its own set-up if it has one."""
         found, each = load_machine(self.machine), []
@@ -107,6 +120,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
         from postproc.folders.programs import check_targets
         from postproc.folders.summary import correct_all
 
+        programs = self.main_programs(programs)
         check_targets(programs, self.files, results)
         prepared = self.prepared(of_several=of_several)
         return correct_all(self.of_each(programs), *prepared, number, dask, progress)
@@ -115,6 +129,6 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
         """The programs, each with its check."""
         found = load_machine(self.machine)
         given = {name: self.correction[name] for name in ("dialect", "travel_check")}
-        for program in self.of_each(programs):
+        for program in self.of_each(self.main_programs(programs)):
             setup = program.setup or self.setup(found)
             yield program, check(program.path, found, setup=setup, one_of_several=True, **given)

@@ -24,6 +24,7 @@ from postproc.folders.programs import (
     folders_for,
     present_programs,
 )
+from postproc.folders.sets import Sets
 from postproc.interface.job_file import own_in_job, read_job
 from postproc.interface.renewed import Renewed
 from postproc.interface.request import Request
@@ -126,7 +127,10 @@ class Watch:
     ) -> None:
         self._source, self._settle, self._say = source, settle, say
         self._results, self._progress = results, progress
-        self._renewed = Renewed(source.request, settle)
+        self._renewed, self._sets = (
+            Renewed(source.request, settle),
+            Sets(source.request.correction.get("dialect", "auto")),
+        )
         self._done: dict[Path, Fingerprint | None] = {}
         self._seen: dict[Path, tuple[Fingerprint | None, float]] = {}
         self._counts: Counter[str] = Counter()
@@ -159,7 +163,7 @@ class Watch:
     def _complete(self) -> Iterator[FolderProgram]:
         """The programs that are new or changed, and no longer written."""
         try:
-            programs = self._source.programs()
+            programs = self._sets.main_programs(self._source.programs(), self._renewed.setup)
             self._lost = ""
         except (UserError, OSError) as fault:
             if str(fault) != self._lost:
@@ -168,7 +172,7 @@ class Watch:
             return
         self._seen = {each.path: self._seen.get(each.path, (None, 0.0)) for each in programs}
         for program in programs:
-            now = _state(program.path)
+            now = _state(program)
             if now is None:
                 continue
             before, since = self._seen[program.path]
@@ -233,11 +237,11 @@ class Watch:
         return ""
 
 
-def _state(program: Path) -> Fingerprint | None:
-    """The state of a program and of the file with its set-up; None for a program that is not there."""
+def _state(program: FolderProgram) -> Fingerprint | None:
+    """The state of a program, of the file with its set-up and of those that it calls; None for one not there."""
     found: list[int] = []
-    for path in (program, program.with_name(program.name + SUFFIX)):
+    for path in (program.path, program.path.with_name(program.path.name + SUFFIX), *program.called):
         with suppress(OSError):
             state = path.stat()
             found += [state.st_mtime_ns, state.st_size]
-    return tuple(found) if program.is_file() else None
+    return tuple(found) if program.path.is_file() else None

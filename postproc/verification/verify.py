@@ -122,16 +122,23 @@ def assumed_motions(source: Source, dialect: Dialect, machine: Machine, setup: S
 
 
 def run_motions(
-    source: Source, dialect: Dialect, interpreter: Interpreter, progress: Callable[[int], None] = lambda _: None
+    source: Source,
+    dialect: Dialect,
+    interpreter: Interpreter,
+    progress: Callable[[int], None] = lambda _: None,
+    called: list[Source] | None = None,
 ) -> Iterator[Motions]:
     """The moves of a program chunk by chunk; the interpreter then has the set-up that the program used.
 
-    progress: called with the number of characters of each chunk.
+    progress: called with the number of characters of each chunk; `called` gets the files of called programs.
     """
-    for part in execution(source, dialect, interpreter).parts():
+    program = execution(source, dialect, interpreter)
+    for part in program.parts():
         chunk = _with_tags(part.motions)
         yield replace(chunk, blocks=Blocks(()), words=AxisWords())  # only the columns are used
         progress(part.size)
+    if called is not None:
+        called += [file.source for file in program.called_files]
 
 
 def _with_tags(motions: Motions) -> Motions:

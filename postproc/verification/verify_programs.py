@@ -114,7 +114,8 @@ def verify_programs(
     notes = model_notes(models.evaluated, conditions)
     languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
     interpreters = [language.interpreter(machine, setup, Notes()) for language in languages]
-    nominal, commanded = map(run_motions, programs, languages, interpreters, (progress, progress))
+    called: tuple[list[Source], list[Source]] = ([], [])
+    nominal, commanded = map(run_motions, programs, languages, interpreters, (progress, progress), called)
     verifiers = {
         key: Verifier(machine, model, conditions, tolerance_um, traced=traced and not key)
         for key, (model, _) in models.by_key().items()
@@ -125,7 +126,8 @@ def verify_programs(
     states = [interpreter.control_state for interpreter in interpreters]
     refuse_without_effect(unused_set_up(states[0]))
     here = mark_of(models.calibration, states[0])
-    notes += _mark_notes(programs[1].name, corrected, here, models.earlier, accepted)
+    for source in (programs[1], *(called[1] if corrected else ())):
+        notes += _mark_notes(source, here, models.earlier, accepted)
     if different is not None:
         raise different
     datums.predict(machine, models.evaluated.part(in_a_program), conditions)
@@ -168,10 +170,9 @@ def _mark_of_the_second(programs: tuple[Source, Source]) -> Mark | None:
     return corrected
 
 
-def _mark_notes(
-    name: str, mark: Mark | None, here: Mark, earlier: ErrorModel | None, accepted: frozenset[str]
-) -> list[str]:
-    """Notes on the mark of a corrected program; UserError, with `name`, if its set-up differs from `here`."""
+def _mark_notes(source: Source, here: Mark, earlier: ErrorModel | None, accepted: frozenset[str]) -> list[str]:
+    """Notes on the mark of a corrected program; UserError, with its name, if its set-up differs from `here`."""
+    mark, name = mark_in_program(source), source.name
     if mark is None:
         return [f"{name} has no mark of ncomp: the calibration and the set-up of its correction are not known"]
     if earlier is not None and mark.calibration == earlier.id.upper():

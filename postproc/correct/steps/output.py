@@ -7,7 +7,7 @@ from typing import IO, BinaryIO
 
 from postproc.control.state import ControlState
 from postproc.correct.job import Job
-from postproc.correct.mark import MarkedOutput, mark_index, mark_line, mark_of
+from postproc.correct.mark import UNCHANGED, Mark, MarkedOutput, called_by, mark_index, mark_line, mark_of
 from postproc.iso.reading.lines import refuse_lengthened
 from postproc.text.block import Block
 from postproc.text.source import ENCODING, Source
@@ -46,14 +46,20 @@ class Output:
             out.write(numbers.renumbered(block, text).encode(ENCODING))
         return changed
 
-    def finish(
-        self, state: ControlState, accepted: dict[str, str], out: BinaryIO, caller: Source | None = None
-    ) -> None:
+    def finish(self, state: ControlState, accepted: dict[str, str], out: BinaryIO) -> None:
         """Write the program to `out`, with its mark.
 
-        state: of the control at the end; accepted: implausible conditions that were met; caller: main program of a
-        called one.
+        state: of the control at the end; accepted: implausible conditions that were met.
         """
         job = self._job
         mark = mark_of(job.model, state)
-        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted, caller), out)
+        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted), out)
+
+    def finish_called(
+        self, state: ControlState, accepted: dict[str, str], out: BinaryIO, caller: Source, *, changed: bool
+    ) -> None:
+        """As `finish`, for a file that a program calls; one without a change has the same mark for all callers."""
+        job = self._job
+        mark = mark_of(job.model, state) if changed else Mark(job.model.id.upper())
+        names, end = (accepted, called_by(caller)) if changed else ((), UNCHANGED)
+        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, names, end), out)

@@ -1,0 +1,156 @@
+"""Folders, job files and watched folders with programs that call one another: a set is corrected as one program."""
+
+import json
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from support.called_programs import FANUC, KLARTEXT, MODEL, SIEMENS, written
+from support.programs import load, model_of
+
+import ncomp as public
+from kinematics.effects import LocationError
+from kinematics.error_model.model import write_model
+
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--set-up-zero", "--no-travel-check", "--accept")
+ACCEPTED = (*GANTRY, "outside,insignificant")
+SET = {
+    **{f"iso/{name}": text for name, text in FANUC.items()},
+    **{f"siemens/{name}": text for name, text in SIEMENS.items()},
+    **{f"klartext/{name}": text for name, text in KLARTEXT.items()},
+}
+MAINS = ["iso/O0001.nc", "klartext/main.h", "siemens/MAIN.MPF"]
+NOT_CALLED = "siemens/TRANS.SPF"
+"""Its name is a word of the language."""
+OTHER = "%\nO0002\nG21 G90 G54 G17\nG0 X5. Y5. Z50.\nM98 P1000\nM30\n%\n"
+
+
+@pytest.fixture(name="ncomp")
+def _ncomp(command, tmp_path):
+    """The command line in a folder with a calibration, and a folder of programs in three dialects, `in`."""
+    write_model(MODEL, tmp_path / "cal.json")
+    written(tmp_path / "in", SET)
+    return command
+
+
+def outputs(folder):
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def test_a_folder_is_corrected_set_by_set(ncomp, tmp_path):
+    done = ncomp("batch", "in", "out", *ACCEPTED, "--json", "all.json", "-j", "1")
+    assert done.status == 0, done.err
+    programs = json.loads((tmp_path / "all.json").read_text())["programs"]
+    assert [each["name"] for each in programs] == sorted([*MAINS, NOT_CALLED])
+    assert outputs(tmp_path / "out") == sorted(SET)
+    assert programs[0]["result"]["program"]["called"] == ["O1000.nc", "3", "o9001.NC"]
+    for main in MAINS:
+        verified = ncomp("verify", f"in/{main}", f"out/{main}", *GANTRY[:5], "--json", "-")
+        assert json.loads(verified.out)["anywhere_um"]["after"] < 0.3, main
+    again = ncomp("batch", "in", "out", *ACCEPTED, "-j", "1")
+    assert again.status == 0, again.stderr
+
+
+def test_a_program_that_two_others_call_is_written_out_in_both_where_it_is_corrected(ncomp, tmp_path):
+    written(tmp_path / "in/iso", {"O0002.nc": OTHER})
+    done = ncomp("batch", "in/iso", "out", *ACCEPTED, "--json", "all.json", "-j", "1")
+    assert done.status == 0, done.err
+    assert outputs(tmp_path / "out") == ["O0001.nc", "O0002.nc"]
+    assert "X" in (tmp_path / "out/O0002.nc").read_text()
+    notes = [each["result"]["notes"][0] for each in json.loads((tmp_path / "all.json").read_text())["programs"]]
+    assert all("written out in the program, because other programs call" in note for note in notes)
+
+
+def test_a_program_that_two_others_call_stays_a_file_where_nothing_is_corrected(ncomp, tmp_path):
+    main = "%\nO0001\nG21 G90 G54 G17\nG0 X100. Y100. Z50.\nM98 P5\nM30\n%\n"
+    written(tmp_path / "two", {"O0001.nc": main, "O0002.nc": main.replace("O0001", "O0002"), "5": "O5\nM8\nM99\n"})
+    assert ncomp("batch", "two", "out", *ACCEPTED, "-j", "1").status == 0
+    assert outputs(tmp_path / "out") == ["5", "O0001.nc", "O0002.nc"]
+
+
+def test_one_program_writes_its_set_beside_its_output(ncomp, tmp_path):
+    done = ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "made.nc")
+    assert done.status == 0, done.err
+    assert outputs(tmp_path)[:3] == ["3", "O1000.nc", "cal.json"]
+    assert "called programs, corrected in files beside the program: O1000.nc, 3, o9001.NC" in " ".join(done.err.split())
+
+
+def test_standard_output_gets_one_program(ncomp, tmp_path):
+    done = ncomp("in/iso/O0001.nc", *ACCEPTED)
+    assert b"(O1000.NC LINE 3, PASS 1)" in done.out
+    assert b"M98" not in done.out
+    assert outputs(tmp_path)[0] == "cal.json"
+
+
+def test_nothing_is_replaced_but_an_earlier_correction(ncomp, tmp_path):
+    before = {path: path.read_bytes() for path in (tmp_path / "in").rglob("*") if path.is_file()}
+    done = ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "in/iso/made.nc")
+    assert (done.status, "--unroll" in done.err, "would replace in/iso/O1000.nc" in done.err) == (2, True, True)
+    written(tmp_path, {"out/3": "(of another one)\n"})
+    done = ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "out/made.nc")
+    assert (done.status, "would replace out/3" in done.err) == (2, True)
+    assert outputs(tmp_path / "out") == ["3"]
+    assert ncomp("in/iso/O0001.nc", *ACCEPTED, "--unroll", "-o", "in/iso/made.nc").status == 0
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_a_job_file_takes_the_sets_of_a_pattern(ncomp, tmp_path):
+    head = 'machine = "gantry"\ncalibration = "cal.json"\nset_up_zero = true\nsubprograms = ["in/iso"]\n[correction]\n'
+    text = 'travel_check = false\naccept = ["outside", "insignificant"]\n[programs]\n"*/*/*.MPF" = "corrected"\n'
+    written(tmp_path, {"in/other/LONE.nc": OTHER})
+    (tmp_path / "job.toml").write_text(head + text + '"in/other/LONE.nc" = "corrected/other.nc"\n')
+    done = ncomp("job.toml", "-j", "1")
+    assert done.status == 0, done.err
+    names = sorted(f"in/{name}" for name in SET if name.startswith("siemens/") and name != NOT_CALLED)
+    siemens = [f"in/siemens/{Path(name).name}" for name in names]
+    assert set(outputs(tmp_path / "corrected")) == {*siemens, "other.nc", "O1000.nc", "3"}
+
+
+def test_verify_refuses_a_set_whose_files_are_of_two_corrections(ncomp, tmp_path):
+    assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "out/O0001.nc").status == 2
+    (tmp_path / "out").mkdir()
+    assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "out/O0001.nc").status == 0
+    write_model(model_of(load("gantry"), LocationError("X", "X", 40.0)), tmp_path / "cal.json")
+    (tmp_path / "later").mkdir()
+    assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "later/O0001.nc").status == 0
+    (tmp_path / "out/O1000.nc").rename(tmp_path / "later/O1000.nc")
+    done = ncomp("verify", "in/iso/O0001.nc", "later/O0001.nc", *GANTRY[:5])
+    assert (done.status, "later/O1000.nc was corrected with another calibration" in done.err) == (2, True)
+
+
+def test_check_follows_the_calls(ncomp, tmp_path):
+    done = ncomp("check", "in/iso/O0001.nc", *GANTRY[:2], "--set-up-zero", "--no-travel-check", "--json", "-")
+    found = json.loads(done.out)
+    assert found["refused"] == []
+    assert "O1000.nc:3-4" in found["corrected_lines"]
+    (tmp_path / "in/iso/3").write_text("O3\nG31 X5.\nM99\n")
+    done = ncomp("check", "in/iso/O0001.nc", *GANTRY[:2], "--set-up-zero", "--no-travel-check", "--json", "-")
+    (refused,) = json.loads(done.out)["refused"]
+    assert (refused["line"], refused["file"]) == (2, "in/iso/3")
+
+
+def test_a_changed_subprogram_of_a_watched_folder_corrects_its_set_again(tmp_path):
+    folder = written(tmp_path / "in", FANUC)
+    write_model(MODEL, tmp_path / "cal.json")
+    said: list[str] = []
+    options = {"set_up": {"zero": True}, "travel_check": False, "accept": "outside,insignificant", "settle": 0.2}
+    given = (folder, tmp_path / "out", "gantry", tmp_path / "cal.json")
+    watching = threading.Thread(target=lambda: public.watch(*given, **options, idle=3.0, say=said.append))
+    watching.start()
+    _wait(lambda: len([line for line in said if line.startswith("corrected")]) == 1)
+    assert outputs(tmp_path / "out") == sorted(FANUC)
+    (folder / "3").write_text(FANUC["3"].replace("X700.", "X710."))
+    _wait(lambda: len([line for line in said if line.startswith("corrected")]) == 2)
+    (folder / "3").unlink()
+    (folder / "O0001.nc").write_text(FANUC["O0001.nc"] + "\n")
+    _wait(lambda: any("no subprogram O3" in line for line in said))
+    watching.join()
+    assert not any("O1000.nc," in line for line in said)
+
+
+def _wait(reached, seconds=20.0):
+    until = time.monotonic() + seconds
+    while not reached():
+        assert time.monotonic() < until
+        time.sleep(0.05)
