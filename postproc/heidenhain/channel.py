@@ -12,11 +12,12 @@ from kinematics.transforms import Array
 from postproc.control import channel
 from postproc.control.channel import AxisWords
 from postproc.control.tilted_planes import lean
-from postproc.heidenhain.codes import HARMLESS_M, MEANT_M, REFUSED_M
+from postproc.heidenhain.codes import HARMLESS_M, MEANT_M, REFUSED_M, SET_BY_CONTROL
 from postproc.heidenhain.datum_transformations import DatumTransformations
 from postproc.heidenhain.modal_state import ModalState
 from postproc.heidenhain.variables import QParameters
 from postproc.text.block import Block
+from postproc.text.expressions import NotKnown
 
 UPRIGHT = 1e-4
 """rad: a tool that leans no more is perpendicular, as angles are written with three decimals."""
@@ -45,6 +46,11 @@ class Channel(channel.Channel):
         value = self.scope.get("Q", (float(number),))
         assert isinstance(value, float)
         return value
+
+    def set_by_control(self, statement: str) -> None:
+        """Mark the parameters as unknown that a statement makes the control set."""
+        for number in SET_BY_CONTROL.get(statement, ()):
+            self.scope.set("Q", (float(number),), NotKnown(f"{statement} makes the control set it"))
 
     # ---- moves
 

@@ -35,6 +35,17 @@ AXIS_M = {
 }
 """With axes behind them."""
 
+SPINDLE, COOLANT = 110, 111
+"""Q parameters of the state of the spindle and of the coolant."""
+SET_BY_CONTROL: dict[str, tuple[int, ...]] = {
+    "TOOL CALL": (109,),
+    **dict.fromkeys(("M3", "M4", "M5"), (SPINDLE,)),
+    **dict.fromkeys(("M8", "M9"), (COOLANT,)),
+    **dict.fromkeys(("M13", "M14"), (SPINDLE, COOLANT)),
+}
+"""Q parameters that a statement makes the control set, in addition to Q108, Q114 and Q120 to Q122, which ncomp works
+out (TNC 640, preassigned Q parameters)."""
+
 COMPENSATIONS = frozenset(("RL", "RR", "R+", "R-"))
 DIRECTIONS = {"DR+": 1, "DR-": -1}
 

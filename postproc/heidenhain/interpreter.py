@@ -266,6 +266,7 @@ class HeidenhainInterpreter(Interpreter):
             if code in AXIS_M and (content.axes or content.names):
                 raise block.refuse(f"M{code:g} {AXIS_M[code]}")
             self.channel.take_function(block, code)
+            self.channel.set_by_control(f"M{code:g}")
         for code, way in WAYS.items():
             if code in content.m:
                 self.recorder.rotary.turn_by(way)

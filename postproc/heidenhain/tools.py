@@ -39,6 +39,7 @@ class Tools:
             raise block.refuse("TOOL CALL without a tool ends DL on some controls only: write DL")
         modal.oversize, modal.radius_oversize = longer, thicker
         self._set_tool_parameters()
+        channel.set_by_control("TOOL CALL")
         channel.change_frame(channel.x_y_z[2:])
 
     def _change(self, block: Block, word: Word) -> None:
