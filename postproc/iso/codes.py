@@ -139,7 +139,6 @@ REFUSED_M = {
     97.0: "calls a subprogram and is not corrected: call it by M98",
     98.0: "calls a subprogram by a computed code: write the code as a number",
     99.0: "jumps back in the program by a computed code: write the code as a number",
-    198.0: "calls a subprogram of another memory and is not corrected: write it into this file and call it by M98",
     TOOL_IS: 'sets the tool in the spindle on LinuxCNC: write Q, and family = "linuxcnc" in the machine file',
     **dict.fromkeys(
         (70.0, 71.0, 72.0, 73.0),

@@ -183,6 +183,7 @@ def control_tables(path: Path, _: str) -> None:
 TABLE = "-250 -250.01 -250.01\n0 0 0.002\n250 250.02 250.02\n"
 FILES: dict[str, Maker] = {
     "part.nc": text(PROGRAM),
+    "library": lambda path, _: path.mkdir(),
     "job.toml": text('machine = "dmu50"\n[programs]\n"posted/part.nc" = "corrected/job.nc"\n'),
     "posted": programs,
     "mill.toml": mill,

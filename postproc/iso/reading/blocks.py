@@ -42,7 +42,9 @@ def labels(block: Block) -> list[str]:
     """The names under which jumps and calls find a block."""
     prefixes = {"N": "", "O": "O"}
     found = [
-        f"{prefixes[w.address]}{w.value:.10g}" for w in block.words if w.address in prefixes and w.value is not None
+        f"{prefixes[w.address]}{w.value:.10g}"
+        for w in block.words
+        if w.address in prefixes and w.value not in (None, NO_NUMBER)
     ]
     found += [program_name(block.text[w.at : w.end]) for w in block.words if w.address == "O" and w.value == NO_NUMBER]
     if block.code is not None:

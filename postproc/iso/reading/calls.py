@@ -108,14 +108,14 @@ def _taken(block: Block, words: tuple[Word, ...], addresses: str) -> tuple[dict[
 def _named(block: Block, code: str, taken: dict[str, Word]) -> str:
     """The name of the program that a call names instead of its number (FANUC)."""
     text = block.text[taken["O"].at : taken["O"].end]
-    if "P" in taken or not text.startswith("<"):
+    if "P" in taken or "<" not in text:
         raise block.refuse(f"{code} needs P, the number of the program, or its name <NAME>: write one of them")
     return program_name(text)
 
 
 def program_name(text: str) -> str:
-    """The label of a program with a name: O<shaft> for `<SHAFT>`."""
-    return f"O{text.lower()}"
+    """The label of a program with a name: O<shaft> for `<SHAFT>` and `O<SHAFT>`."""
+    return f"O{text[text.index('<') :].lower()}"
 
 
 def _program(block: Block, code: str, taken: dict[str, Word]) -> Expression:

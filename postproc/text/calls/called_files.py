@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -93,11 +94,17 @@ def shown_name(name: str) -> str:
 def _entries(folder: Path, name: str | None, *, folders: bool) -> list[Path]:
     """The files or folders of a folder, in the order of their names; `name`: those that have it."""
     try:
-        found = sorted(folder.iterdir())
+        with os.scandir(folder) as entries:
+            found = [
+                folder / entry.name
+                for entry in entries
+                if (name is None or entry.name.upper() == name)
+                and entry.name[:1] != "."
+                and (entry.is_dir() if folders else entry.is_file())
+            ]
     except OSError:
         return []
-    wanted = [path for path in found if name is None or path.name.upper() == name]
-    return [path for path in wanted if (path.is_dir() if folders else path.is_file()) and path.name[:1] != "."]
+    return sorted(found)
 
 
 def _only(paths: list[Path], name: str) -> Path | None:
