@@ -12,7 +12,7 @@ does it once. Errors are those of the spindle nose along the three lines through
 in the frame that the first measurement set. True: without noise. Measured: on one more measurement with noise of its
 own, from the same stations; six reflectors on the bed, the datums of all, keep the frame. Above noise: a peak beyond
 twice its standard uncertainty; 80 %: of those, the draws that lose that much (true). A measured 0.00 is a curve in
-which AIC finds nothing.
+which the data show nothing.
 """
 
 from __future__ import annotations

@@ -204,8 +204,8 @@ def three_points(
 ) -> ThreePointsResult:
     """The six error motions of each axis from three or more targets on the part that it moves; `model` of the result.
 
-    basis: form of the error motions; degree: degrees of polynomials by error motion (`{"XX": 4}`), by default chosen
-    by AIC.
+    basis: form of the error motions; degree: degrees of polynomials by error motion (`{"XX": 4}`), by default the data
+    decide.
 
     UserError for a tracker that is not on the bed, for targets in one line, and for a model that is no improvement.
     """

@@ -1,43 +1,59 @@
 """Curves through the six error motions of an axis, and the separation of its location errors from them.
 
-The curves are fitted to all six at once, weighted by the joint covariance of the points. Degrees of polynomials are
-given, or weighted by Akaike's information criterion (AIC): the Bayesian criterion neglects errors smaller than the
-noise of a point, and u would not contain them. The curve is the weighted mean of the curves of all degrees, and its u
-contains their spread (Buckland, Burnham and Augustin, Biometrics 53, 1997, 603-618).
+The curves are fitted to all six at once, weighted by the joint covariance of the points. They are the error motions of
+every measurement (`calibration.gaussian_terms.geometry`): polynomials of a high degree, or harmonics of a whole turn,
+whose bands share sizes that the data decide. What positions do not show between them has the size of its band, and is
+in u. The user may give degrees; nothing limits the coefficients of these, nor those of tables.
 
 The gauge of the points (`rigid_motions`) removes from a rotary axis the first harmonic that rotates with the component.
 A polynomial does not contain this harmonic. Polynomials of a rotary axis therefore have an additional wobble, and both
-are written as one polynomial of sufficient degree. A rotary axis that turns fully and was measured over the whole turn
-has harmonics of the turn instead of polynomials.
+are written as one polynomial of sufficient degree.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, cast
 
 import numpy as np
 from scipy import special
 
+from calibration.gaussian_terms.geometry import (
+    DEGREE,
+    HARMONICS,
+    Bands,
+    Key,
+    degrees_of,
+    keys_of,
+    prior_sizes,
+    summed,
+)
+from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.single_axis.rigid_motions import RigidMotions
 from kinematics.basis import Basis, BSpline, Harmonics, Interval, Legendre
 from kinematics.effects import COMPONENTS, Component, Effect, ErrorMotion, LocationError, Wobble
+from kinematics.error_model.priors import Priors
 from kinematics.machine import TURN, Axis
 from kinematics.transforms import Array
 from kinematics.turn import columns_of, gap_of, measured_arc
+from kinematics.user_error import UserError
 
+STEPS = 60
+"""Most steps of the sizes of the bands."""
+UNLIMITED = 1e5
+"""Prior size, um and urad, of coefficients that nothing limits."""
+STATED = -3
+"""Number of the band of these."""
+SHOWN = 3.0
+"""Size of a coefficient in standard uncertainties from which the data show its degree."""
+UNSEEN = 2.0
+"""Ratio of the uncertainty between the positions to that at these from which waves are not resolved."""
 MISFIT = 1e-3
 """Probability of a chi2 below which a curve deviates significantly from its points."""
 NO_SCATTER = 1e-6
 """Share of the largest variance below which the variance of a combination of residuals counts as zero."""
-LARGEST_WOBBLE = 100.0
-"""Largest wobble of a rotary axis in use, um and urad. Without a bound, a wobble that the polynomials nearly represent
-grows against them."""
-HOLDS = (1e3, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
-"""Prior standard deviations of the wobble, um and urad, tried in order until it is within LARGEST_WOBBLE."""
-HOLDS_A_WOBBLE = 20
-"""Degree of a polynomial that represents one period of a turn within 1e-9 of its amplitude."""
 
 
 @dataclass(frozen=True)
@@ -47,17 +63,14 @@ class Shape:
     axis: Axis
     bases: tuple[Basis, ...]
     """Basis of each component X Y Z A B C."""
+    free: tuple[bool, ...] = (True,) * 6
+    """True for each component whose coefficients nothing limits."""
 
     @property
     def parts(self) -> list[slice]:
         """Range of the parameters of each curve."""
         ends = np.cumsum([0, *(basis.size for basis in self.bases)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
-
-    @property
-    def degrees(self) -> tuple[int | None, ...]:
-        """Degree of each polynomial, or number of harmonics; None for a table."""
-        return tuple(_degree(basis) for basis in self.bases)
 
     @property
     def wobbles(self) -> tuple[Wobble, ...]:
@@ -90,6 +103,20 @@ class Shape:
             rows[:, 3 * k + (own + 2) % 3, columns] = wobble.sense * np.stack([sin, -cos], axis=1)
         return rows.reshape(6 * len(positions), -1)
 
+    def bands(self, priors: Priors) -> tuple[Bands, Array]:
+        """The bands of the parameters, and their prior sizes `(p,)`, um and urad."""
+        keys: list[Key] = []
+        sizes = []
+        for name, basis, free in zip(COMPONENTS, self.bases, self.free, strict=True):
+            motion = ErrorMotion(cast(Component, name), self.axis.name, basis, (0.0,) * basis.size)
+            degrees = degrees_of(basis.size, closed=isinstance(basis, Harmonics))
+            keys += [(name, "", STATED)] * basis.size if free else keys_of(motion, degrees)
+            sizes.append(np.full(basis.size, UNLIMITED) if free else prior_sizes(degrees, priors))
+        for wobble in self.wobbles:
+            keys += [(wobble.motion, "wobble", 0)] * 2
+            sizes.append(np.full(2, UNLIMITED if any(self.free) else priors.error_motion_um))
+        return Bands.of(keys, priors), np.concatenate(sizes)
+
 
 @dataclass(frozen=True)
 class Curves:
@@ -100,39 +127,16 @@ class Curves:
     """Parameters `(p,)`: curve by curve, then the wobble."""
     estimator: Array
     """Matrix `(p, 6n)` from the error motions at the positions, um and urad, to the parameters."""
-    best: Curves | None = None
-    """Curves of the degrees with the lowest AIC, if these curves are a mean over degrees."""
-    spread: Array = field(default_factory=lambda: np.zeros((0, 1, 1)))
-    """Matrices `(m, p, 6n)` from the error motions at the positions to each curve minus the mean, times the square root
-    of its weight."""
+    between: Array
+    """A root R `(p, p)` of the covariance R R' of what the positions do not show."""
+    degrees: tuple[int | None, ...]
+    """Degree of each polynomial, or number of harmonics: given, or the largest that the data show; None for a table."""
     unresolved: tuple[int, ...] = ()
-    """Components whose curves contain wavelengths near the resolution of the positions, and probably shorter ones."""
-
-    @property
-    def degrees(self) -> tuple[int | None, ...]:
-        """Degree of each polynomial, or number of harmonics: given or of the lowest AIC; None for a table."""
-        return (self.best or self).shape.degrees
-
-    def choice_covariance(self, errors: Array, covariance: Array) -> Array:
-        """Covariance `(p, p)` from the choice of degrees; errors `(n, 6)` and their covariance `(6n, 6n)`."""
-        away = self.spread @ errors.reshape(-1) if len(self.spread) else np.zeros((0, len(self.parameters)))
-        spread = np.einsum("mpi,ij,mqj->pq", self.spread, covariance, self.spread, optimize=True)
-        return np.asarray(spread + away.T @ away)
+    """Components that may have waves which the positions do not resolve, larger than the noise."""
 
     def design(self, positions: Array) -> Array:
         """Matrix `(6n, p)` from the parameters to the error motions at positions `(n,)`."""
         return self.shape.design(positions)
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """Shapes of different degrees, and their weights by AIC."""
-
-    best: Shape
-    others: tuple[tuple[tuple[Shape, float], ...], ...] = ()
-    """For each curve without a given degree: shapes of its degrees with their weights, other curves as in `best`."""
-    unresolved: tuple[int, ...] = ()
-    """See `Curves.unresolved`: curves for which only the two highest degrees have weight."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +166,26 @@ class AxisModel:
     """Matrix `(parameters of the effects, p)`."""
 
 
+def polynomials(axis: Axis, positions: Array, given: Mapping[str, int], arc: Interval) -> Shape:
+    """Polynomials of the degrees given by name of the component (XY: E_XY), else of a high degree.
+
+    A straightness is at least a line, because its slope is the orientation of the axis. An axis that turns fully and
+    was measured over the whole turn has harmonics; a degree is their number. UserError for a degree out of range.
+    """
+    closed = axis.turns_fully and not gap_of(arc)
+    most = (len(positions) - 1) // 2 if closed else len(positions) - 1
+    degrees = [given.get(f"{name}{axis.name}") for name in COMPONENTS]
+    for j, (name, degree) in enumerate(zip(COMPONENTS, degrees, strict=True)):
+        least = int(closed and across(axis, j)) if axis.rotary else int(name in sideways(axis))
+        if degree is not None and not least <= degree <= most:
+            raise UserError(
+                f"degree {degree} of E_{name}{axis.name}: {len(positions)} positions allow {least} to {most}"
+            )
+    kind, high = (Harmonics, HARMONICS) if closed else (Legendre, DEGREE)
+    bases = tuple(kind(arc, high if degree is None else degree) for degree in degrees)
+    return Shape(axis, bases, tuple(degree is not None for degree in degrees))
+
+
 def tables(axis: Axis, positions: Array, arc: Interval) -> Shape:
     """Interpolated tables with the measured positions as nodes; periodic if the whole turn was measured."""
     nodes = np.unique(positions)
@@ -187,58 +211,51 @@ def _degree(basis: Basis) -> int | None:
     return basis.degree if isinstance(basis, Legendre) else None
 
 
-def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
-    """Least-squares curves through the error motions at positions `(n,)`, mm or degrees, with the gauge fixed."""
-    weights, wobble = motions.whitening, slice(shape.parts[-1].stop, None)
-    for hold in HOLDS:
-        rows = weighted_design(shape, positions, weights, hold)
-        estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
-        found = Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator)
-        if np.abs(found.parameters[wobble]).max(initial=0.0) <= LARGEST_WOBBLE:
-            break
-    return found
+def fitted(shape: Shape, positions: Array, motions: RigidMotions, priors: Priors) -> Curves:
+    """The curves through the error motions at positions `(n,)`, mm or degrees, with the gauge fixed."""
+    bands, prior = shape.bands(priors)
+    rows = motions.whitening @ shape.design(positions) * prior
+    equations = Equations.of(rows, motions.whitening @ motions.errors.reshape(-1))
+    sizes = bands.likeliest_sizes(equations, priors, STEPS)
+    posterior = Posterior.of(equations, sizes[bands.bands], 1.0)
+    own = posterior.covariance * prior[:, None]
+    determined = posterior.determined(sizes[bands.bands])
+    wider = sizes * bands.wider(summed(bands.bands, determined, len(sizes)), priors)
+    between = own * (wider / sizes**2)[bands.bands]
+    estimator = own @ rows.T @ motions.whitening
+    parameters, u = prior * posterior.mean, prior * np.sqrt(np.diag(posterior.covariance))
+    degrees = tuple(
+        _degree(basis) if free else _largest(basis, np.abs(parameters[part]) > SHOWN * u[part])
+        for basis, free, part in zip(shape.bases, shape.free, shape.parts, strict=True)
+    )
+    return Curves(shape, parameters, estimator, between, degrees, _unresolved(shape, positions, own * prior))
 
 
-def averaged(candidates: Candidates, positions: Array, motions: RigidMotions) -> Curves:
-    """The mean over degrees of the curves through the error motions at positions `(n,)`, mm or degrees."""
-    best = fit(candidates.best, positions, motions)
-    if not candidates.others:
-        return best
-    shape = _widest(candidates)
-    own = _extended(best, shape)
-    estimator, spread = own, []
-    for others in candidates.others:
-        away = [(_extended(fit(other, positions, motions), shape) - own, weight) for other, weight in others]
-        mean = np.sum([weight * each for each, weight in away], axis=0)
-        estimator = estimator + mean
-        spread += [np.sqrt(weight) * (each - mean) for each, weight in away]
-    parameters = np.asarray(estimator @ motions.errors.reshape(-1))
-    return Curves(shape, parameters, estimator, best, np.array(spread), candidates.unresolved)
+def _largest(basis: Basis, shown: np.ndarray) -> int:
+    """The largest degree, or order of harmonics, of the functions `(size,)` that are shown; 0 of none."""
+    degrees = degrees_of(basis.size, closed=isinstance(basis, Harmonics))
+    return int(degrees[shown].max(initial=0))
 
 
-def _widest(candidates: Candidates) -> Shape:
-    """The shape with the highest degree of each curve."""
-    shapes = [candidates.best, *(shape for others in candidates.others for shape, _ in others)]
-    bases = tuple(max((shape.bases[j] for shape in shapes), key=lambda basis: basis.size) for j in range(6))
-    return Shape(candidates.best.axis, bases)
-
-
-def _extended(curves: Curves, shape: Shape) -> Array:
-    """The estimator `(p, 6n)` of curves, extended to a shape whose bases begin with theirs."""
-    extended = np.zeros((shape.size, curves.estimator.shape[1]))
-    for part, own in zip(shape.parts, curves.shape.parts, strict=True):
-        extended[part.start : part.start + own.stop - own.start] = curves.estimator[own]
-    extended[shape.parts[-1].stop :] = curves.estimator[curves.shape.parts[-1].stop :]
-    return extended
+def _unresolved(shape: Shape, positions: Array, covariance: Array) -> tuple[int, ...]:
+    """The components that are much less certain between the positions than at these, by the covariance `(p, p)`."""
+    squares = []
+    for x in (positions, (positions[1:] + positions[:-1]) / 2.0):
+        rows = shape.design(x).reshape(len(x), 6, -1)
+        squares.append(np.einsum("njp,pq,njq->j", rows, covariance, rows) / len(x))
+    return tuple(np.flatnonzero(squares[1] > UNSEEN**2 * squares[0]).tolist())
 
 
 def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
-    """Misfit of each curve at positions `(n,)`, mm or degrees; covariance `(6n, 6n)` of the error motions there."""
-    curves, n = curves.best or curves, len(positions)
+    """Misfit of each curve that nothing limits; covariance `(6n, 6n)` of the error motions at positions `(n,)`."""
+    n = len(positions)
     missing = np.eye(6 * n) - curves.design(positions) @ curves.estimator
     residuals, scatter = missing @ motions.errors.reshape(-1), missing @ covariance @ missing.T
     found = []
-    for component, basis in enumerate(curves.shape.bases):
+    for component, (basis, free) in enumerate(zip(curves.shape.bases, curves.shape.free, strict=True)):
+        if not free:
+            found.append(Misfit(0.0, 0))  # it follows its points as far as these determine it
+            continue
         left, own = residuals[component::6], scatter[component::6, component::6]
         variances, directions = np.linalg.eigh(0.5 * (own + own.T))
         floor = NO_SCATTER * max(variances[-1], covariance[component::6, component::6].max() * NO_SCATTER)
@@ -260,12 +277,6 @@ def widening(axis: Axis, effects: tuple[Effect, ...], found: tuple[Misfit, ...])
     return np.repeat(factors, [len(effect.parameters) for effect in effects])
 
 
-def weighted_design(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:
-    """Whitened design, and below it the prior rows of the wobble with standard deviation `hold`, um and urad."""
-    function_parameters = np.eye(shape.size)[shape.parts[-1].stop :] / hold
-    return np.concatenate([weights @ shape.design(positions), function_parameters])
-
-
 def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotions) -> AxisModel:
     """Location errors and error motions of an axis, with zero parameters, and the matrix that gives their parameters.
 
@@ -275,9 +286,10 @@ def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotio
     values = curves.design(positions)
     rows, names, left = _linear(axis, positions, values) if not axis.rotary else _rotary(axis, values, motions)
     taken = np.zeros((6, len(curves.parameters), len(curves.parameters)))
-    for component, (function, amount) in left.items():
+    for component, (degree, amount) in left.items():
         basis, part = curves.shape.bases[component], curves.shape.parts[component]
-        function_parameters = np.linalg.lstsq(columns_of(axis, basis, positions), function, rcond=None)[0]
+        x = np.linspace(*basis.interval, 101)
+        function_parameters = np.linalg.lstsq(columns_of(axis, basis, x), x**degree, rcond=None)[0]
         taken[component, part] = np.outer(function_parameters, amount)
     bases, with_wobble = _with_wobble(curves.shape)
     matrix = np.concatenate([rows, with_wobble @ (np.eye(len(curves.parameters)) - taken.sum(axis=0))])
@@ -296,7 +308,7 @@ def _with_wobble(shape: Shape) -> tuple[tuple[Basis, ...], Array]:
         return shape.bases, np.eye(shape.size)
     low, high = shape.bases[0].interval
     bases = tuple(
-        Legendre((low, high), max(_degree(basis) or 0, HOLDS_A_WOBBLE)) if across(shape.axis, j) else basis
+        Legendre((low, high), max(_degree(basis) or 0, DEGREE)) if across(shape.axis, j) else basis
         for j, basis in enumerate(shape.bases)
     )
     x = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(101) + 0.5) / 101)
@@ -314,10 +326,8 @@ def constants_design(curves: Curves) -> Array:
     return matrix
 
 
-def _linear(
-    axis: Axis, positions: Array, values: Array
-) -> tuple[Array, list[Component], dict[int, tuple[Array, Array]]]:
-    """Rows from the curves to the location errors, their names, and the parts to remove from each curve for them."""
+def _linear(axis: Axis, positions: Array, values: Array) -> tuple[Array, list[Component], dict[int, tuple[int, Array]]]:
+    """Rows from the curves to the location errors, their names, and the power of the position to remove from each."""
     centred = positions - positions.mean()
     slope_of = centred / (centred @ centred)
     along = axis.error_frame.T @ axis.unit_direction
@@ -326,17 +336,16 @@ def _linear(
     turns = np.cross(along, slopes.T).T * 1e3
     across = [j for j in range(3) if abs(along[j]) < 0.5]
     names = [cast(Component, "ABC"[j]) for j in across]
-    return turns[across], names, {j: (positions, slopes[j]) for j in across}
+    return turns[across], names, {j: (1, slopes[j]) for j in across}
 
 
 def _rotary(
     axis: Axis, values: Array, motions: RigidMotions
-) -> tuple[Array, list[Component], dict[int, tuple[Array, Array]]]:
+) -> tuple[Array, list[Component], dict[int, tuple[int, Array]]]:
     rows = motions.location @ values
     across = [j for j in range(6) if j % 3 != "ABC".index(axis.name[0])]
     names = [cast(Component, COMPONENTS[j]) for j in across]
-    ones = np.ones(len(values) // 6)
-    return rows[across], names, {j: (ones, rows[j]) for j in across}
+    return rows[across], names, {j: (0, rows[j]) for j in across}
 
 
 def sideways(axis: Axis) -> str:

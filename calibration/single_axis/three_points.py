@@ -25,16 +25,15 @@ from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import usable
 from calibration.registration.observed_points import nominal_points
 from calibration.single_axis import stations
-from calibration.single_axis.degree_selection import polynomials
 from calibration.single_axis.error_curves import (
-    Candidates,
     Curves,
     Misfit,
     arc_of,
-    averaged,
     axis_model,
     constants_design,
+    fitted,
     misfits,
+    polynomials,
     tables,
     widening,
 )
@@ -62,7 +61,7 @@ class Choice:
     kind: Kind = "polynomial"
     """Polynomials, or tables interpolated between the measured positions."""
     degrees: Mapping[str, int] = field(default_factory=dict)
-    """Degrees of polynomials, by name: {"XX": 4}; other degrees are weighted by AIC."""
+    """Degrees of polynomials, by name: {"XX": 4}; of the others the data decide."""
     arcs: Mapping[str, Interval] = field(default_factory=dict)
     """Measured ranges by axis, mm or degrees; default: between the end positions, or a turn without its widest gap."""
 
@@ -247,15 +246,10 @@ def _identify(
     for name, pose in feet.items():
         by_points -= _by_foot(machine, before[name], series, pose, at_bed, back)
     positions = series.positions / machine.scale[series.column]
-    curves = averaged(_candidates(axis, positions, motions, choice), positions, motions)
-    return _Found(series, motions, curves, by_points)
-
-
-def _candidates(axis: Axis, positions: Array, motions: RigidMotions, choice: Choice) -> Candidates:
     arc = choice.arcs.get(axis.name) or arc_of(axis, positions)
-    if choice.kind == "table":
-        return Candidates(tables(axis, positions, arc))
-    return polynomials(axis, positions, motions, choice.degrees, arc)
+    table = choice.kind == "table"
+    shape = tables(axis, positions, arc) if table else polynomials(axis, positions, choice.degrees, arc)
+    return _Found(series, motions, fitted(shape, positions, motions, machine.priors), by_points)
 
 
 def _feet(machine: Machine, series: Series, before: Mapping[str, _Found]) -> tuple[dict[str, Pose], Pose]:
@@ -306,8 +300,8 @@ def _unresolved(results: Mapping[str, AxisResult]) -> Iterator[str]:
         names = [f"E_{COMPONENTS[j]}{name}" for j in result.curves.unresolved]
         if names:
             yield (
-                f"{', '.join(names)}: waves about as short as {len(result.positions)} positions resolve; u does not "
-                f"contain shorter ones, which are probable: measure {name} at {2 * len(result.positions) - 1} positions"
+                f"{', '.join(names)}: waves shorter than {len(result.positions)} positions resolve are probable, and "
+                f"in u: measure {name} at {2 * len(result.positions) - 1} positions"
             )
 
 
@@ -345,7 +339,7 @@ def _model(
     effects: list[Effect] = []
     values: list[Array] = []
     by_points: list[Array] = []
-    chosen: list[Array] = []
+    unseen: list[Array] = []
     for name, one in found.items():
         axis = machine.axes[one.series.column]
         split = axis_model(axis, one.series.positions / machine.scale[one.series.column], one.curves, one.motions)
@@ -360,14 +354,13 @@ def _model(
         effects += split.effects
         values.append(split.matrix @ parameters)
         by_points.append(wider @ own)
-        choice = one.curves.choice_covariance(one.motions.errors, results[name].covariance)
-        chosen.append(propagated(wider, choice))
+        unseen.append(wider @ one.curves.between)
     inputs = {measurement.source: measurement.fingerprint} if measurement.fingerprint else {}
     source = f"three-point identification{f', {SIMULATED}' if measurement.simulated else ''}"
     made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), source, inputs)
     model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
     every = np.concatenate(by_points)
-    covariance = propagated(every, points.covariance) + block_diag(*chosen)
+    covariance = propagated(every, points.covariance) + block_diag(*(root @ root.T for root in unseen))
     return model.with_parameters(np.concatenate(values), covariance)
 
 

@@ -23,7 +23,7 @@ def three_points(
     machine: MachineName,
     output: Path = output_option("File for the calibration.", "CAL.json"),
     basis: Literal["polynomial", "table"] = option("Basis of the error motions.", default="polynomial", panel=MODEL),
-    degree: tuple[str, ...] = option("Degree of the polynomial of E_XX; default: chosen by AIC.", "XX=4", panel=MODEL),
+    degree: tuple[str, ...] = option("Degree of the polynomial of E_XX; default: by the data.", "XX=4", panel=MODEL),
     form: DataOptions,
     tables: bool = option("Also show the errors at each position of each axis.", default=False, panel=OUTPUT),
     others: ResultOptions,
