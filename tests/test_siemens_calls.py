@@ -9,6 +9,7 @@ from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
 from postproc.control_data.tool_tables import read_tool_table
 from postproc.correct.check import check
+from postproc.motion.moves import Kind
 
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
 SHIFT = [-0.003, 0.0042, -0.0055]
@@ -59,7 +60,7 @@ REFUSED = {
     "PART(1,2)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nM17\n": "the call has more arguments than the subprogram has parameters: remove the others",
     "PART\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n": "X=AA: AA is not known: the call omits the argument for AA",
     "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "X is neither a declared variable nor an axis",
-    "PART\nM30\n%_N_PART_SPF\nPROC PART SAVE\nM17\n": "SAVE restores the modes",
+    "PART\nX1\nM30\n%_N_PART_SPF\nPROC PART SAVE\nTRANS X5\nM17\n": "ends with another frame",
     "DEF REAL BB=3\nPART\nM30\n%_N_PART_SPF\nX=BB\nM17\n": "BB belongs to the calling program",
     "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "the program has no block with the label THERE",
     "PART\nM30\n%_N_PART_SPF\nPART\nM17\n": "call each other more than 100 deep",
@@ -73,6 +74,19 @@ def test_calls_that_are_refused(text):
     with pytest.raises(UserError, match=r"^test\.mpf:\d+: ") as caught:
         read(MAIN + text)
     assert REFUSED[text] in str(caught.value)
+
+
+SAVED = "%_N_A_MPF\nG71 G90 G17 G54 G0 X0 Y0 Z0\nSTEP(5)\nX20\nM30\n%_N_STEP_SPF\nPROC STEP(REAL DIST){}\nG91 G1 X=DIST F100\nG55\nG90 X7\nG91\nRET\n"
+
+
+@pytest.mark.parametrize(
+    ("save", "last", "rapid"), [(" SAVE", 120.0, True), ("", 227.0, False), (" SAVE DISPLOF", 120.0, True)]
+)
+def test_modes_of_the_caller_behind_a_subprogram_with_save(save, last, rapid):
+    """X20 in G54, G90 and G0 of the caller; without SAVE a feed by 20 from X7 of G55."""
+    motions = read(SAVED.format(save), offsets=["G54=100,0,0", "G55=200,0,0"])
+    assert motions.machine_target[:, 0].tolist() == [100.0, 105.0, 207.0, last]
+    assert (motions.kind[-1] == Kind.RAPID) == rapid
 
 
 def test_check_sees_what_runs():

@@ -35,9 +35,9 @@ from postproc.siemens.codes import (
 )
 from postproc.siemens.cycle800 import tilt
 from postproc.siemens.cycles import check_tolerance_cycle, read_cycle, run_modal_cycle
-from postproc.siemens.modal_state import ModalState
+from postproc.siemens.modal_state import ModalState, SavedModes
 from postproc.siemens.polar import POLAR
-from postproc.siemens.reading.calls import ends
+from postproc.siemens.reading.calls import ends, saves_modes
 from postproc.siemens.tools import take_functions
 from postproc.siemens.variables import EMPTY, SiemensVariables
 from postproc.siemens.words import Content, check, plain_of, sort
@@ -62,6 +62,8 @@ class SiemensInterpreter(Interpreter):
         control, scope = machine.control, SiemensVariables()
         scope.passive, scope.basic_unit_is_inch = frozenset(control.passive_axes), control.unit == "inch"
         super().__init__(Channel(notes, ModalState(ControlState(setup)), scope))
+        self._saved: list[SavedModes] = []
+        """Modes that subprograms with SAVE found, the last one last."""
         self._moved: Block | None = None
         """The last block, if it moved the tool along a path."""
 
@@ -84,6 +86,7 @@ class SiemensInterpreter(Interpreter):
 
     def _read_block(self, index: int, block: Block) -> Block:
         channel, modal = self.channel, self.modal
+        self._keep_modes(block)
         self._moved = None
         if block.kind == "header":
             if modal.begun:
@@ -120,6 +123,17 @@ class SiemensInterpreter(Interpreter):
             self._moved = block
         modal.ended = bool(content.m or content.names) and ends(block) and not channel.scope.depth
         return block
+
+    def _keep_modes(self, block: Block) -> None:
+        """Restore the modes of the caller behind a subprogram with SAVE, and keep them at its beginning."""
+        depth = self.channel.scope.depth
+        while self._saved and depth < self._saved[-1].depth:
+            saved = self._saved.pop()
+            if saved.put_back(block, self.modal):
+                self._set_work_offset(block, saved.work_offset)
+                self.modal.offset_programmed = saved.offset_programmed
+        if depth and saves_modes(block):
+            self._saved.append(SavedModes.of(self.modal, depth))
 
     def _corner(self, block: Block, content: Content) -> bool:
         """True where the corner that this block begins at, or ends at, is one that the control breaks."""

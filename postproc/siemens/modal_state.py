@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ from postproc.control import modal_state
 from postproc.motion.frames import Frame
 from postproc.siemens.frames import DatumTransformations
 from postproc.siemens.polar import Polar
+from postproc.text.block import Block
 
 
 class Cycle(NamedTuple):
@@ -81,3 +83,40 @@ class ModalState(modal_state.ModalState):
         if self.work_offset == "G500" and self.offset_programmed and not self.control_state.names_offset("G500"):
             return ""
         return self.work_offset
+
+
+class SavedModes(NamedTuple):
+    """The modal G codes that a subprogram with SAVE found, which hold again behind it."""
+
+    depth: int
+    """Subprograms in one another, with this one."""
+    modes: dict[str, object]
+    compensated: bool
+    transformations: DatumTransformations
+    work_offset: str
+    offset_programmed: bool
+
+    @classmethod
+    def of(cls, modal: ModalState, depth: int) -> SavedModes:
+        """The modes of the caller."""
+        modes = {name: getattr(modal, name) for name in SAVED}
+        frames = copy(modal.transformations)
+        return cls(depth, modes, modal.compensated, frames, modal.work_offset, modal.offset_programmed)
+
+    def put_back(self, block: Block, modal: ModalState) -> bool:
+        """Restore them before a block; True where the work offset is another one, which the caller restores.
+
+        Refusal where the subprogram has left radius compensation or a frame: for frames, machine data decide.
+        """
+        if modal.compensated != self.compensated or modal.transformations != self.transformations:
+            raise block.refuse(
+                "the subprogram with SAVE before this block ends with another frame (TRANS, ROT, CYCLE800) or radius "
+                "compensation than it began with, and machine data decide whether these are restored: end them in it"
+            )
+        for name, value in self.modes.items():
+            setattr(modal, name, value)
+        return modal.work_offset != self.work_offset
+
+
+SAVED = ("motion", "plane", "unit", "absolute", "timed", "rounded", "machine_vectors")
+"""Modes of G codes."""

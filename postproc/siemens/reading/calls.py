@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from postproc.control.codes import PROGRAM_ENDS
 from postproc.siemens.codes import CALLS, END_OF_SUBPROGRAM, REFUSED_NAMES
-from postproc.siemens.reading.declarations import Pass
+from postproc.siemens.reading.declarations import Pass, Receive
 from postproc.siemens.reading.statements import program_name
 from postproc.siemens.variables import EMPTY
 from postproc.siemens.words import is_known
@@ -38,6 +38,11 @@ def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bo
     if any(block.code and any(isinstance(step, Modal) for step in block.code.after) for block in linked):
         linked = [_with_end_of_modal_call(block) for block in linked]
     return linked[:first] + [_with_return(block) for block in linked[first:]]
+
+
+def saves_modes(block: Block) -> bool:
+    """True for PROC with SAVE."""
+    return block.code is not None and any(isinstance(step, Receive) and step.saves for step in block.code.before)
 
 
 def ends(block: Block) -> bool:

@@ -37,6 +37,8 @@ class Receive(NamedTuple):
     """PROC: the parameters of a subprogram take the arguments of its call."""
 
     parameters: tuple[Parameter, ...]
+    saves: bool = False
+    """SAVE: the modal G codes of the caller hold again behind the subprogram."""
 
     def run(self, scope: Scope) -> None:
         """Declare them with the given values; in a program that nothing has called they are not known."""

@@ -218,8 +218,7 @@ def _declare(parts: list[Any]) -> list[Step]:
 
 def _receive(parts: list[Any]) -> Receive:
     """PROC: the parameters of a subprogram."""
-    if any(str(part).upper() == "SAVE" for part in parts[2:]):
-        raise Ambiguous("SAVE restores the modes of the caller after the subprogram, which is not followed: remove it")
+    saves = any(str(part).upper() == "SAVE" for part in parts[2:])
     found = []
     for part in parts[2:]:
         if isinstance(part, Token):
@@ -230,7 +229,7 @@ def _receive(parts: list[Any]) -> Receive:
             raise Ambiguous("a parameter that is an array is not followed: write its elements as parameters")
         first = next((formula(tree) for tree in trees if tree.data == "expression"), None)
         found.append(Parameter(tokens["TYPE"], tokens["IDENTIFIER"], first, by_reference="VAR" in tokens))
-    return Receive(tuple(found))
+    return Receive(tuple(found), saves)
 
 
 DIRECTIONS = {"GOTO": "FB", "GOTOC": "FB", "GOTOF": "F", "GOTOB": "B"}
