@@ -40,7 +40,7 @@ from rendering.shown import VIEWS
 if TYPE_CHECKING:
     from calibration.fit.calibrate import NotAccepted
     from calibration.fit.together import TogetherNotAccepted
-    from calibration.instruments import Ballbar, Interferometer, LaserTracker, Level, Part, TouchProbe
+    from calibration.instruments import Ballbar, Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
     from calibration.interface.calibrations import diagnose, fit, fit_together
     from calibration.interface.evaluations import ballbar, compare, continuous, iso230, three_points, tracker
     from calibration.interface.measurements import (
@@ -70,6 +70,7 @@ __all__ = [
     "Corrected",
     "Interferometer",
     "LaserTracker",
+    "Lengths",
     "Level",
     "NotAccepted",
     "Part",

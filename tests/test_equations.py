@@ -7,7 +7,7 @@ import pytest
 from support.virtual_measurements import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration.instruments import Interferometer, LaserTracker, Level, Part, TouchProbe
+from calibration.instruments import Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.registration.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
 from kinematics.error_model.model import Observation
@@ -69,6 +69,19 @@ def probe_case():
     return probe, Registration(poses, dict.fromkeys(poses, np.zeros(3)), SHIFTS)
 
 
+def lengths_case():
+    """Two lengths, both legs of a square, also turned round, and a dial gauge along a wire."""
+    machine, rng = machines.load("cframe"), np.random.default_rng(5)
+    runs = ["length"] * 4 + ["square Y", "square X", "reversed Y", "reversed X", "gauge Z", "gauge Z"]
+    legs = ["square 1 X", "square 1 Y", "square 2 reversed X", "square 2 reversed Y"]
+    groups = ["a", "a", "b", "b", *legs, "run w X", "run w X"]
+    q = positions(machine, 10, rng)
+    state = with_moves(State(q, target=np.full(10, "1"), station=np.array(groups)))
+    target = {"1": Target((20.0, 10.0, -90.0))}
+    own = Measurement(machine, Lengths(u_um=1.0, u_gauge_um=1.0), state, np.zeros((10, 1)), target, run=np.array(runs))
+    return own, own.instrument.first_registration(own, np.ones(10, bool))
+
+
 CENTRES = {"s1": (130.0, 20.0, 60.0), "s2": (-110.0, 60.0, 50.0)}
 CASES = {
     **{f"{name} {on}": (lambda n=name, o=on: tracker_case(n, o)) for name in ("dmu50", "cframe") for on in ("workpiece", "bed")},
@@ -76,6 +89,7 @@ CASES = {
     "part 3": lambda: part_case(3),
     "interferometer": laser_case,
     "level": level_case,
+    "lengths": lengths_case,
     "touch probe": probe_case,
 }  # fmt: skip
 

@@ -99,7 +99,9 @@ def _refuse_few(observations: Observations) -> None:
         positions = math.ceil(unknown / (1.0 - SPARE) / observations.components)
         advice = f"measure about {positions} positions or more, spread over the travel"
         stations = len(np.unique(measurement.groups))
-        if measurement.axis is not None:
+        if measurement.instrument.MAY_BE_FEW:
+            advice = "a search for causes needs many readings: 'ncomp fit' takes few"
+        elif measurement.axis is not None:
             advice = "repeat the runs, or measure more positions"
         elif stations > 1 and known < registered + len(moving):
             advice = f"measure more positions from each of the {stations} set-ups of the instrument"

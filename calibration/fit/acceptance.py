@@ -89,6 +89,8 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
     components = max(found.measurement.components for found in fits)
     determined = registered + identified.rank_registered
     checked = observations * (1.0 - SPARE) >= determined
+    if all(found.measurement.instrument.MAY_BE_FEW for found in fits):
+        return ""
     if checked and (known >= unknown or components == 1):
         return ""
     advice = "repeat the runs, or measure more positions"

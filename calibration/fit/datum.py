@@ -167,6 +167,8 @@ def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
     positions = rng.uniform(ends[0], ends[1], (n, len(machine.axes)))
     size = 0.3 * max(_reach(machine, ends), 100.0)
     targets = {"o": (0.0, 0.0, 0.0), "x": (size, 0.0, 0.0), "y": (0.0, size, 0.0), "z": (0.0, 0.0, size)}
+    if not any(effect.angular for effect, _ in model.error_motions):  # the model has no rotation of the tool
+        targets = {"o": targets["o"]}
     state = State(positions, target=rng.choice(list(targets), n))
     seen = np.zeros((n, 3))
     ideal = Measurement(

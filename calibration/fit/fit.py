@@ -357,7 +357,9 @@ def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved)
 
 
 def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:
-    if kept.sum() * measurement.components <= point.registered:
+    instrument = measurement.instrument
+    stated = len(instrument.stated_residuals(measurement, point.registration)) if instrument.MAY_BE_FEW else 0
+    if kept.sum() * measurement.components <= point.registered - stated:
         if kept.all():
             stations = len(np.unique(measurement.groups))
             raise UserError(

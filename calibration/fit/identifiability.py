@@ -156,7 +156,8 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
         return ON_TABLE
     if measurement.across is not None and not any(effect.angular for effect in effects):
         return UNLIKE_LINES
-    own = {"offset": _remedy_of_probe, "distance": _remedy_of_ballbar}.get(measurement.instrument.OBSERVES)
+    remedies = {"offset": _remedy_of_probe, "distance": _remedy_of_ballbar, "length": _remedy_of_lengths}
+    own = remedies.get(measurement.instrument.OBSERVES)
     if own is not None:
         return own(measurement, effects)
     if measurement.instrument.components < 3:
@@ -187,6 +188,19 @@ def _remedy_of_ballbar(measurement: Measurement, effects: Sequence[Effect]) -> s
     if any(effect.angular for effect in effects):
         return "circles with a tool ball of another length, or at other positions of the table ball, would show it"
     return "circles of another radius, or at other positions of the table ball, would show some of it"
+
+
+def _remedy_of_lengths(measurement: Measurement, effects: Sequence[Effect]) -> str:  # noqa: ARG001
+    """The lengths and readings that would determine the effects for a ruler and a dial gauge."""
+    if all(_along_itself(effect) for effect in effects):
+        names = ", ".join(sorted(_axes(effects)))
+        return f"a length along {names}, over the whole range, would show it, or more lengths where it bends"
+    if any(effect.angular for effect in effects):
+        return "a level would show it, or lengths in several planes at different heights"
+    return (
+        "both diagonals of a rectangle in the plane of the two axes, or a square and a dial gauge, would show it; "
+        "where it bends, a dial gauge along a straight edge"
+    )
 
 
 def _remedy_of_probe(measurement: Measurement, effects: Sequence[Effect]) -> str:

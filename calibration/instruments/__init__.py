@@ -9,6 +9,7 @@ from calibration.instruments.ballbar import Ballbar
 from calibration.instruments.base import InstrumentBase
 from calibration.instruments.interferometer import Interferometer
 from calibration.instruments.laser_tracker import LaserTracker
+from calibration.instruments.lengths.lengths import Lengths
 from calibration.instruments.level import Level
 from calibration.instruments.part import Part
 from calibration.instruments.touch_probe import TouchProbe
@@ -16,10 +17,10 @@ from calibration.instruments.touch_probe import TouchProbe
 if TYPE_CHECKING:
     from calibration.measurement.text_table import Table
 
-Instrument = LaserTracker | Interferometer | Part | TouchProbe | Ballbar | Level
+Instrument = LaserTracker | Interferometer | Part | TouchProbe | Ballbar | Level | Lengths
 """The union by which files are decoded."""
 KINDS: Mapping[str, type[Instrument]] = {
-    each.kind(): each for each in (LaserTracker, Interferometer, Part, TouchProbe, Ballbar, Level)
+    each.kind(): each for each in (LaserTracker, Interferometer, Part, TouchProbe, Ballbar, Level, Lengths)
 }
 """The classes by their kinds, the names in files."""
 
@@ -39,6 +40,7 @@ __all__ = [
     "InstrumentBase",
     "Interferometer",
     "LaserTracker",
+    "Lengths",
     "Level",
     "Part",
     "TouchProbe",

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import msgspec
 import numpy as np
 
+from kinematics.effects import Component
 from kinematics.machine import Machine, Vector
 from kinematics.state import State, with_moves
 from kinematics.transforms import Array
@@ -31,11 +32,12 @@ if TYPE_CHECKING:
 class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of all instruments. The class holds the facts of the kind, an object the uncertainties of one instrument."""
 
-    OBSERVES: ClassVar[Literal["point", "offset", "distance", "deviation"]]
+    OBSERVES: ClassVar[Literal["point", "offset", "distance", "deviation", "length"]]
     """What an observation is.
 
     A point in the instrument's own frame; the offset of the tip from the centre of a ball on the table; the distance
-    of the tip from such a centre; or the deviation along or about one axis.
+    of the tip from such a centre; the deviation along or about one axis; or the distance of two positions, with
+    readings of a dial gauge.
     """
     STATIONED: ClassVar[bool] = False
     """True where the instrument stands at stations, whose positions are chosen."""
@@ -71,6 +73,10 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     """True where the error motions of linear axes that it observes are chosen."""
     IN_ORDER_OF_MOVES: ClassVar[bool] = True
     """False where the order of the rows is not that in which the machine moved."""
+    MAY_BE_FEW: ClassVar[bool] = False
+    """True where a fit is made even if no observation is left over to check it: the report says so."""
+    BASES: ClassVar[tuple[str, ...]] = ("b-spline", "cubic")
+    """Kinds of basis of error motions among which the evidence of its data selects."""
     CLOCK_OF_MACHINE: ClassVar[bool] = True
     """False where the times of the rows are not those at which the machine moved, but of another machine."""
 
@@ -173,6 +179,14 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
         """True where that length is not calibrated: only the fit determines it."""
         return False
 
+    def motions_shown(self, measurement: Measurement, axis: str) -> Sequence[Component]:
+        """Error motions of an axis that its observations may show."""
+        return get_args(Component)
+
+    def shows_backlash(self, measurement: Measurement, axis: str) -> bool:
+        """True where its observations show the backlash of an axis."""
+        return self.OBSERVES == "deviation"
+
     @abstractmethod
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
         """A first registration, from the nominal machine and the rows in the mask `trusted` `(n,)`."""
@@ -222,6 +236,10 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
         """
         return np.arange(len(axis)), None
 
+    def planned(self, state: State) -> tuple[State, np.ndarray | None]:
+        """The states of a plan as it observes them, and what the rows are `(n,)` where that differs from their run."""
+        return state, None
+
     @abstractmethod
     def drawn_registration(
         self, blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.random.Generator
@@ -247,6 +265,14 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     @abstractmethod
     def observed_columns(self, measurement: Measurement) -> dict[str, np.ndarray]:
         """The columns of its observations, in the units of the file."""
+
+    def file_columns(self, measurement: Measurement) -> dict[str, np.ndarray] | None:
+        """All columns of its file, where a row of the file is not one observation; None for most."""
+        return None
+
+    def shared(self, others: Sequence[InstrumentBase]) -> Self:
+        """The instrument of all files where these have others; itself unless uncertainties stand in the rows."""
+        return self
 
     def other_readings(self, measurement: Measurement) -> Iterator[tuple[str, Measurement]]:
         """The measurement with each likely mistake in its readings reversed, after words for it; none for most."""

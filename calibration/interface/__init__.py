@@ -2,7 +2,7 @@
 
 from calibration.fit.calibrate import NotAccepted
 from calibration.fit.together import TogetherNotAccepted
-from calibration.instruments import Ballbar, Interferometer, LaserTracker, Level, Part, TouchProbe
+from calibration.instruments import Ballbar, Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
 from calibration.interface.calibrations import diagnose, fit, fit_together
 from calibration.interface.evaluations import ballbar, compare, continuous, iso230, three_points, tracker
 from calibration.interface.measurements import (
@@ -27,6 +27,7 @@ __all__ = [
     "Choices",
     "Interferometer",
     "LaserTracker",
+    "Lengths",
     "Level",
     "NotAccepted",
     "Part",

@@ -34,9 +34,9 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
     """The measurements as one, in the given order; UserError if they do not belong together."""
     if not measurements:
         raise UserError("no measurement")
-    first = measurements[0]
     if len(measurements) == 1:
-        return first
+        return measurements[0]
+    measurements = _by_one(measurements)
     _check_alike(measurements)
     names = _names(measurements)
     measurements = _with_own_tips(measurements, names)
@@ -71,13 +71,23 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
 def by_instrument(measurements: Sequence[Measurement]) -> list[Measurement]:
     """The measurements, those by the same instrument as one; UserError where a file is given twice."""
     groups: list[list[Measurement]] = []
-    for each in measurements:
+    for each in _by_one(measurements):
         same = next((group for group in groups if all(of(each) == of(group[0]) for of in ALIKE.values())), None)
         if same is None:
             groups.append([each])
         else:
             same.append(each)
     return [joined(group) for group in groups]
+
+
+def _by_one(measurements: Sequence[Measurement]) -> list[Measurement]:
+    """The measurements by instruments that several of them share."""
+    instruments = [each.instrument for each in measurements]
+    own = [each.instrument.shared(instruments) for each in measurements]
+    return [
+        each if each.instrument is one else replace(each, instrument=one)
+        for each, one in zip(measurements, own, strict=True)
+    ]
 
 
 def _check_alike(measurements: Sequence[Measurement]) -> None:

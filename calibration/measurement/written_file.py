@@ -34,10 +34,10 @@ def write_measurement(measurement: Measurement, file: BinaryIO, origin: str = ""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     for line in (*header_lines(measurement), f"{MADE_BY}: ncomp {VERSION}{origin}"):
         text.write(f"# {line}\n")
-    columns = columns_of(measurement)
+    columns = measurement.instrument.file_columns(measurement) or columns_of(measurement)
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    for start in range(0, len(measurement), CHUNK):
+    for start in range(0, len(next(iter(columns.values()))), CHUNK):
         part = [column[start : start + CHUNK] for column in columns.values()]
         writer.writerows(zip(*map(texts, part), strict=True))
     text.flush()

@@ -26,6 +26,10 @@ SQUARENESS = ("XY", "XZ", "YZ")
 """Direction and axis of the straightness error motions whose slopes are squareness; X is x, Y lies in the x y plane."""
 TARGETS = "targets"
 """Kind of basis with a node at each target of an interferometer's runs."""
+ANY_SLOPE_UM_PER_MM, ANY_BACKLASH_UM = 100.0, 1000.0
+"""Slopes, um/mm, and backlash, um, of a router or printer of which nothing is known: ten times what users report."""
+SLOPED = 1e-2
+"""Size of a parameter, as a share of the largest, from which it counts as a part of the slope."""
 LOGGED = 240
 """Least number of positions in the log of a moving axis."""
 REPEATED = 3
@@ -103,11 +107,11 @@ def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> E
 def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
     """The fitted effects of one axis that moves: its error motions, and the backlash for an interferometer."""
     motions = axis_motions(measurement, axis, choice)
-    return [*motions, Backlash(axis, 0.0)] if measurement.instrument.OBSERVES == "deviation" else [*motions]
+    return [*motions, Backlash(axis, 0.0)] if measurement.instrument.shows_backlash(measurement, axis) else [*motions]
 
 
 def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
-    """The six error motions of an axis, all zero, about the measured points' centre.
+    """The error motions of an axis that the instrument may show, all zero; six about the measured points' centre.
 
     For an interferometer: those that it observes, by default the positioning error.
     """
@@ -120,8 +124,9 @@ def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> li
         return [
             ErrorMotion(component, axis, basis, zero, u=zero) for component in observed_components(measurement, axis)
         ]
-    six = [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
-    return list(centred(six, arms_of(measurement)))
+    shown = measurement.instrument.motions_shown(measurement, axis)
+    motions = [ErrorMotion(component, axis, basis, zero, u=zero) for component in shown]
+    return list(centred(motions, arms_of(measurement)))
 
 
 def _at_targets(measurement: Measurement, axis: str, choice: BasisChoice) -> Basis:
@@ -165,13 +170,15 @@ def with_effects(
 
 
 def least_priors(measurement: Measurement, model: ErrorModel) -> np.ndarray:
-    """Smallest prior standard deviations `(parameters,)`, whatever the scale: 0 but for spheres.
+    """Smallest prior standard deviations `(parameters,)`, whatever the scale: 0 but for spheres and lengths.
 
     For a touch probe the location errors, which are constants of rotary axes' error motions and slopes of straightness
     of linear axes, keep their typical size: they come from assembly, not from the shapes of error motions, and spheres
-    leave combinations of them to the prior.
+    leave combinations of them to the prior. Lengths come from machines of which nothing is known.
     """
     typical, instrument = priors(model), measurement.instrument
+    if instrument.OBSERVES == "length":
+        return _of_unknown_machine(model)
     if instrument.OBSERVES != "offset":
         return np.zeros(len(typical))
     least = np.where(_constants(measurement.machine, model), typical, 0.0)
@@ -179,6 +186,23 @@ def least_priors(measurement: Measurement, model: ErrorModel) -> np.ndarray:
         if motion.component + motion.axis[0] in SQUARENESS:
             # 1 urad is 1e-3 um per mm
             least[part] = sizes_for_slope(motion.basis, instrument.squareness_urad * UM)
+    return least
+
+
+def _of_unknown_machine(model: ErrorModel) -> np.ndarray:
+    """Prior standard deviations `(parameters,)` of translations' slopes and of backlash; 0 for others.
+
+    In a table each node has a part in the slope: wide nodes would be jumps, so that only two of them are a slope.
+    """
+    least = np.zeros(len(model.parameters))
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        if effect.kind == "backlash":
+            least[part] = ANY_BACKLASH_UM
+    for motion, part in model.error_motions:
+        sizes = sizes_for_slope(motion.basis, ANY_SLOPE_UM_PER_MM)
+        sizes[sizes < SLOPED * sizes.max(initial=0.0)] = 0.0
+        if not motion.angular and np.count_nonzero(sizes) <= 2:
+            least[part] = sizes
     return least
 
 

@@ -6,6 +6,7 @@ A strategy gives positions. The measuring sequence - order, approach, runs, targ
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args, get_type_hints
@@ -20,7 +21,7 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-STRATEGIES = (*patterns.SPACED, *patterns.SCATTERED, "axes")
+STRATEGIES = (*patterns.SPACED, *patterns.SCATTERED, "axes", "rectangles")
 DEFAULT_POINTS = 600
 """Number of points above which the improvement is small: virtual calibration paper, 3.2."""
 ON_AN_AXIS = 11
@@ -32,6 +33,8 @@ LETTERS = {
 """First letter of the names of points, by strategy."""
 DECIMALS = 3
 """Decimals of the positions, in mm and degrees."""
+SIDES_AND_DIAGONALS = ("AD", "BC", "AB", "DC", "AC", "BD")
+"""Lengths of a rectangle whose corner A is at the low ends of both axes, and D at the high end of the first one."""
 WAVES = (3, 5, 7, 11, 13, 17)
 """Number of traverses of each rotary axis along the path if all axes move together; primes, so that they differ."""
 
@@ -60,6 +63,13 @@ def plan(
                 "and approaches"
             )
         laid = _axes(machine, points, spacing_mm, choices)
+    elif "rectangles" in parts:
+        if len(parts) > 1 or choices.order != "given" or points is not None or spacing_mm is not None:
+            raise UserError(
+                "strategy rectangles has the two positions of a length in each pair of rows: it excludes other "
+                "strategies and orders, and has no number of points"
+            )
+        laid = _rectangles(machine, choices)
     else:
         laid = _volume(machine, parts, points, spacing_mm, choices)
     requested = None if points is None else int(np.sum(points))
@@ -175,6 +185,23 @@ def _axes(
         sequences.append(MeasuringSequence(positions, names, np.full(2 * count, machine.names[i]), side))
     positions, names, axis, side = (np.concatenate(column) for column in zip(*sequences, strict=True))
     return MeasuringSequence(rounded(positions, machine, choices), names, axis, side)
+
+
+def _rectangles(machine: Machine, choices: Choices) -> MeasuringSequence:
+    """The sides and diagonals of a rectangle in each plane of two linear axes: two rows for each length."""
+    low, high = limits(machine, choices)
+    moving, _ = _moving_axes(machine, ["rectangles"], choices, low, high)
+    if len(moving) < 2:
+        raise UserError(f"strategy rectangles needs two linear axes that move, {machine.names[moving[0]]} is one")
+    positions, names = [], []
+    for i, k in itertools.combinations(moving, 2):
+        corners = {"A": (low[i], low[k]), "B": (low[i], high[k]), "C": (high[i], high[k]), "D": (high[i], low[k])}
+        for letter in "".join(SIDES_AND_DIAGONALS):
+            position = fixed_positions(machine, choices)
+            position[[i, k]] = corners[letter]
+            positions.append(position)
+            names.append(f"{machine.names[i]}{machine.names[k]}.{letter}")
+    return MeasuringSequence(rounded(np.array(positions), machine, choices), np.array(names))
 
 
 def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) -> MeasuringSequence:

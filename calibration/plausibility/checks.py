@@ -17,6 +17,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import duplicates, first_registration
 from calibration.plausibility.circles import circle_mistakes
 from calibration.plausibility.finding import Finding
+from calibration.plausibility.lengths import length_mistakes
 from calibration.plausibility.misfit import centred
 from calibration.plausibility.mistakes import FALLS, SUSPICIOUS, gross_mistakes, noted_mistakes
 from calibration.plausibility.motion import LEAST, clock_lag, read_back
@@ -77,6 +78,8 @@ def _of_instrument(measurement: Measurement) -> Iterator[Finding]:
     """Recording mistakes, as far as the kind of observation shows them."""
     if measurement.instrument.OBSERVES == "distance":
         yield from circle_mistakes(measurement)
+    elif measurement.instrument.OBSERVES == "length":
+        yield from length_mistakes(measurement)
     elif measurement.axis is not None:
         yield from _readings(measurement)
     else:

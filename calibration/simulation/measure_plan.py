@@ -106,6 +106,7 @@ def measure_plan(
     if plan.spheres:
         raise UserError(f"--instrument {virtual.instrument.kind()}: a plan of spheres needs --instrument touch-probe")
     state, poses, notes = _stationed(plan, virtual, draws[0])
+    state, kinds = virtual.instrument.planned(state)
     check_names(model.effects, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
     state = with_temperatures(state, virtual.temperatures) if virtual.temperatures else state
     rows, unseen = _reached(plan, state, virtual, poses)
@@ -116,9 +117,10 @@ def measure_plan(
         taken, component = virtual.instrument.readings_in(plan.machine, every[rows], virtual.error_motions)
         rows = rows[taken]
         axis = every[rows]
+    runs = np.tile(plan.run, repeat) if kinds is None else kinds
     measured = observe(
         plan.machine, model, state.rows(rows), virtual.instrument, draws[1], poses, plan.targets,
-        stands_on=virtual.stands_on, axis=axis, run=np.tile(plan.run, repeat)[rows], component=component,
+        stands_on=virtual.stands_on, axis=axis, run=runs[rows], component=component,
         noise_scale=virtual.noise_scale, progress=progress,
     )  # fmt: skip
     if poses is not None:

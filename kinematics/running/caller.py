@@ -46,7 +46,7 @@ VALUES = {
     "csv linuxcnc siemens-eec siemens-cec heidenhain heidenhain-kinematics fanuc isg isg-cross isg-volumetric etalon "
     "mitsubishi klipper reprap linuxcnc-kinematics siemens-trafo5 siemens-tcarr heidenhain-transformations "
     "fanuc-kinematics",
-    "instrument": "laser-tracker interferometer part touch-probe ballbar level",
+    "instrument": "laser-tracker interferometer part touch-probe ballbar level lengths",
     "machine": "bzt_pfu cframe dmu50 gantry head_head head_table trunnion_ac trunnion_bc",
     "noise": "sheet estimate",
     "old": "none",
@@ -58,8 +58,8 @@ VALUES = {
     "sign": "error correction",
     "stands-on": "workpiece bed",
     "straightness": "end-point least-squares",
-    "strategy": "planes hexahedron diagonals face-diagonals space-diagonals grid random space-filling axes on-the-fly "
-    "optimised bk samba",
+    "strategy": "planes hexahedron diagonals face-diagonals space-diagonals grid random space-filling axes rectangles "
+    "on-the-fly optimised bk samba",
     "table-unit": "mm inch",
     "target-order": "in-turn alternating",
     "unexplained": "report add",

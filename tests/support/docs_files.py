@@ -73,11 +73,15 @@ def copied(source: Path) -> Maker:
     return lambda path, _: shutil.copyfile(source, path)
 
 
-def mill(path: Path, _: str) -> None:
-    """Writes the machine file of docs/machines.md."""
-    blocks = re.findall(r"(?:^    .*\n|^\n)+", (DOCS / "machines.md").read_text(), re.MULTILINE)
-    block = next(each for each in blocks if "chain =" in each)
-    path.write_text(re.sub(r"^    ", "", block.lstrip("\n"), flags=re.MULTILINE))
+def shown(page: str, words: str) -> Maker:
+    """Writes the first block of a page that contains some words."""
+
+    def write(path: Path, _: str) -> None:
+        blocks = re.findall(r"(?:^    .*\n|^\n)+", (DOCS / page).read_text(), re.MULTILINE)
+        block = next(each for each in blocks if words in each)
+        path.write_text(re.sub(r"^    ", "", block.lstrip("\n"), flags=re.MULTILINE))
+
+    return write
 
 
 def examples(path: Path, _: str) -> None:
@@ -186,7 +190,10 @@ FILES: dict[str, Maker] = {
     "library": lambda path, _: path.mkdir(),
     "job.toml": text('machine = "dmu50"\n[programs]\n"posted/part.nc" = "corrected/job.nc"\n'),
     "posted": programs,
-    "mill.toml": mill,
+    "mill.toml": shown("machines.md", "chain ="),
+    "router.toml": shown("measurements/lengths.md", "chain ="),
+    "holes.csv": shown("measurements/lengths.md", "AC,0,0"),
+    "square.csv": shown("measurements/lengths.md", "u_square_urad: 50"),
     "turntable.toml": text(TURNTABLE),
     "robot.toml": lambda path, _: path.write_text(robot.toml()),
     "examples": examples,

@@ -22,9 +22,13 @@ def common_basis(bases: Sequence[Basis], *, turning: bool) -> Basis:
         return Harmonics((low, low + TURN), max(finest.size // 2, 1))
     if isinstance(finest, BSpline):
         spacing = (own_high - own_low) / (len(finest.nodes) - 1)
-        before = np.linspace(low, own_low, math.ceil((own_low - low) / spacing) + 1)[:-1]
-        behind = np.linspace(own_high, high, math.ceil((high - own_high) / spacing) + 1)[1:]
-        return BSpline((*before.tolist(), *finest.nodes, *behind.tolist()), finest.degree)
+        beyond = own_low - low, high - own_high
+        # less than half a spacing belongs to the last piece: a node at its end were free to jump
+        before, behind = (math.ceil(each / spacing) if each >= spacing / 2.0 else 0 for each in beyond)
+        lower, upper = np.linspace(low, own_low, before + 1).tolist(), np.linspace(own_high, high, behind + 1).tolist()
+        inner = finest.nodes[1:-1]
+        nodes = (*(lower if before else [low]), *inner, *(upper if behind else [high]))
+        return BSpline(nodes, finest.degree)
     longer = (high - low) / (own_high - own_low)
     if isinstance(finest, Fourier):
         return Fourier((low, high), tuple(longer * waves for waves in finest.harmonics))

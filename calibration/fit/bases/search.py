@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.instruments import InstrumentBase
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import ROTARY, TARGETS, BasisChoice, repeated_targets
 from kinematics.running.progress import Progress, silent
@@ -19,8 +20,8 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 AUTO = "auto"
-AUTOMATIC_KINDS = ("b-spline", "cubic")
-"""Kinds of basis that `auto` tries."""
+AUTOMATIC_KINDS = InstrumentBase.BASES
+"""Kinds of basis that `auto` tries for most instruments."""
 ROTARY_KIND = "fourier"
 """Kind of basis for rotary axes: their errors repeat with the turn, and harmonics contain a shift of the component."""
 SIZES: Mapping[str, tuple[int, ...]] = {

@@ -28,6 +28,7 @@ from calibration.observation.full_model import (
     with_effects,
 )
 from calibration.observation.normal_equations import NormalEquations, decorrelation_of, residuals, whitened, whiteners
+from calibration.observation.outliers import Variance
 from calibration.observation.products import Products, arm_products, between, factored
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, no_errors
@@ -66,7 +67,9 @@ def choose(
         measurement = measurement.rows(np.flatnonzero(coarse_fit(measurement, effects).kept))
     search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest, finest_turn)
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
-    first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance="estimate")
+    # few readings do not show the size of their noise
+    variance: Variance = "sheet" if measurement.instrument.MAY_BE_FEW else "estimate"
+    first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance=variance)
     evidence = LinearEvidence(first, effects)
     return chosen(search, 1, lambda choices, _: evidence.of_all(choices), unexplained, progress)[0]
 

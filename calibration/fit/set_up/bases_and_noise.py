@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from calibration.fit.acceptance import too_few
-from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, FINEST, ROTARY_KIND, Choice
+from calibration.fit.bases.search import AUTO, FINEST, ROTARY_KIND, Choice
 from calibration.fit.bases.selection import choose, coarse_choice, finer
 from calibration.fit.cross_validation import cross_validate, diagonals
 from calibration.fit.fit import Fit, fit
@@ -54,7 +54,7 @@ class Wanted:
             return Choice(stated_bases(self.basis, list(measurement.moving)), self.prior_scale or 1.0)
         found = choose(
             measurement,
-            AUTOMATIC_KINDS if self.basis == AUTO else (self.basis.removeprefix(f"{AUTO}:"),),
+            measurement.instrument.BASES if self.basis == AUTO else (self.basis.removeprefix(f"{AUTO}:"),),
             rotary_kind=ROTARY_KIND if self.basis == AUTO else None,
             effects=self.effects,
             prior_scale=self.prior_scale,

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 EPILOG = (
     "Strategies: planes, hexahedron (edges), diagonals, face-diagonals, space-diagonals, grid, random, space-filling, "
-    "axes (each axis alone, in both directions: ISO 230-2).\n\n"
+    "axes (each axis alone, in both directions: ISO 230-2), rectangles (sides and diagonals in each plane, for a "
+    "ruler: two rows for each length).\n\n"
     "Examples:\n\n"
     "`ncomp plan points --machine bzt_pfu --strategy hexahedron+random --points 170+150 -o plan.csv --nc plan.nc`\n\n"
     "`ncomp plan points --machine dmu50 --strategy space-filling --rotary simultaneous --order shuffled "

@@ -107,7 +107,8 @@ class InstrumentOptions(TrackerOptions):
     PANEL: ClassVar[str] = "Instrument"
 
     instrument: str = option(
-        "Instrument: laser-tracker, interferometer, part (a measured workpiece), touch-probe, ballbar or level.",
+        "Instrument: laser-tracker, interferometer, part (a measured workpiece), touch-probe, ballbar, level or "
+        "lengths (a ruler).",
         "KIND",
         default="laser-tracker",
     )

@@ -1,0 +1,1 @@
+"""Lengths and dial readings: what a ruler, calipers, a square and a dial gauge show of a machine."""
