@@ -16,7 +16,7 @@ controls = script(MAKE / "controls.py")
 
 REFUSED = [
     *(("iso", f"G{code:g}", reason) for code, reason in iso.REFUSED_G.items() if f"G{code:g}" not in CALLS),
-    *(("iso", f"M{code:g}", reason) for code, reason in iso.REFUSED_M.items() if code not in (98.0, 99.0)),
+    *(("iso", f"M{code:g}", reason) for code, reason in iso.REFUSED_M.items() if f"M{code:g}" not in CALLS),
     *(("siemens", f"G{code:g}", reason) for code, reason in siemens.REFUSED_G.items()),
     *(
         ("siemens", f"{name}", reason)

@@ -45,3 +45,7 @@ class Job(msgspec.Struct, frozen=True):
     shared: frozenset[str] = frozenset()
     """Files of called programs that other programs call too: if they need a correction, their blocks are written out.
     """
+    tcp: str = ""
+    """`to-axes`: the tool point's coordinates become positions of the axes; `to-tcp`: the reverse; empty: neither."""
+    tcp_feed: str = ""
+    """Feed of converted moves: `inverse-time` or `scaled`; empty: the default of the dialect."""

@@ -32,6 +32,8 @@ DECIMALS = 6
 """Decimals of mm and degrees in the text of a fingerprint."""
 AT_ONCE = 1 << 20
 """Bytes of a program that are copied together."""
+CONVERTED = {"to-axes": " TCP TO-AXES", "to-tcp": " TCP TO-TCP", "": ""}
+"""The end of the mark of a converted program, by `--tcp`."""
 PARTS = ("calibration", "set-up", "datum")
 """Parts of a mark, by the names of `ncomp verify --accept`."""
 
@@ -61,7 +63,7 @@ def mark_line(
 ) -> str:
     """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it.
 
-    called: the end of the mark of a called program.
+    called: the end of the mark of a called program, or of a converted one.
     """
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
     text = f"NCOMP {VERSION} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
@@ -91,6 +93,14 @@ def mark_in_program(source: Source) -> Mark | None:
     if source.has_line_feeds and not any(b"NCOMP" in piece for piece in source.pieces()):
         return None
     return next((found for _, text in source.lines() if (found := mark_in(text))), None)
+
+
+def conversions_in_program(source: Source) -> list[str]:
+    """`to-axes` or `to-tcp` for each conversion of a program by ncomp, in their order."""
+    if source.has_line_feeds and not any(b"NCOMP" in piece for piece in source.pieces()):
+        return []
+    marks = (text for _, text in source.lines() if mark_in(text) is not None)
+    return [name for text in marks for name, words in CONVERTED.items() if words and words in text]
 
 
 def refuse_marked(blocks: Iterable[Block], dialect: Dialect, notes: Notes, *, force: bool) -> None:

@@ -28,6 +28,8 @@ from postproc.correct.steps.checks import Checks
 from postproc.correct.steps.correction import Models, PartCorrection
 from postproc.correct.steps.counts import Counts
 from postproc.correct.steps.output import Output
+from postproc.correct.tcp.conversion import Conversion
+from postproc.correct.tcp.read_back import ReadBack, setup_of_input
 from postproc.evaluation.evaluation import Evaluated, Evaluation
 from postproc.evaluation.trace import Trace
 from postproc.execution import (
@@ -79,7 +81,10 @@ class Pipeline:
         """
         self._job, self._traced, self._processes, self._stored = job, traced, processes, stored
         notes = Notes()
-        self._interpreter = job.dialect.interpreter(job.machine, job.setup, notes)
+        setup = setup_of_input(job)
+        self._interpreter = job.dialect.interpreter(setup.machine, setup, notes)
+        self._conversion = Conversion(job, notes) if job.tcp else None
+        self._read_back = ReadBack(job)
         self._state = self._interpreter.control_state
         self._models = models = Models.of(job)
         self._correction = PartCorrection(job, models, notes)
@@ -134,13 +139,23 @@ class Pipeline:
             keep_freed_memory()
         checks.calibration()
         with tempfile.SpooledTemporaryFile(SPOOLED) as lines:
-            output = Output(job, lines, marked=bool(self._models.evaluated.effects))
+            output = Output(job, lines, marked=bool(self._models.evaluated.effects) or self._conversion is not None)
             evaluated = self._correct_all(output, progress)
             checks.whole(evaluated, outside)
             self.called = [self._corrected_file(*each) for each in self._called_files]
-            output.finish(self._state, checks.accepted, out)
+            if self._conversion is None:
+                output.finish(self._state, checks.accepted, out)
+            else:
+                self._conversion.refuse_nothing()
+                text = io.BytesIO()
+                output.finish(self._state, checks.accepted, text)
+                self._read_back.check(text.getvalue(), out)
         self.trace = evaluated.trace
-        return self._counts.finish(evaluated, outside, checks.accepted, self._state)
+        result = self._counts.finish(evaluated, outside, checks.accepted, self._state)
+        if self._conversion is not None:
+            result.converted_moves, result.conversion = self._conversion.moves, self._job.tcp
+            result.notes += self._conversion.notes(self._state.used_tools)
+        return result
 
     @contextmanager
     def _evaluation(self) -> Iterator[Evaluation | EvaluationProcess]:
@@ -199,10 +214,11 @@ class Pipeline:
         job = self._job
         if not self._stored:
             return StreamedProgram(job.source, job.dialect, self._interpreter, ahead=self._several)
-        if job.unroll:
+        if job.unroll or self._conversion is not None:
             from postproc.correct.unroll import unrolled
 
-            interpreter = job.dialect.interpreter(job.machine, job.setup, Notes())
+            setup = setup_of_input(job)
+            interpreter = job.dialect.interpreter(setup.machine, setup, Notes())
             return unrolled(StoredProgram(job.source, job.dialect, interpreter), self._interpreter)
         return StoredProgram(job.source, job.dialect, self._interpreter)
 
@@ -236,13 +252,19 @@ class Pipeline:
         """Texts of a part, corrected; its written moves go to the evaluation."""
         self._counts.programmed(part.motions)
         self._checks.programmed(part.motions)
-        if not self._models.evaluated.effects:
+        rewrite = None
+        if self._conversion is not None:
+            part, rewrite = self._conversion.converted(part)
+        elif not self._models.evaluated.effects:
             return list(unchanged(part.motions.blocks))
         corrected = self._correction.corrected(part)
         limit_um = self._checks.corrected(corrected)
-        written = self._writer.write(corrected.motions, corrected.correction, part.indices)
+        written = self._writer.write(corrected.motions, corrected.correction, part.indices, rewrite)
         moves = corrected.as_written(written)
-        evaluation.add(moves)
+        if rewrite is not None:
+            self._read_back.add(moves)
+        if self._models.evaluated.effects:
+            evaluation.add(moves)
         self._counts.corrected(corrected, moves, written.added, limit_um)
         return written.texts
 

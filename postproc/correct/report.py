@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import replace
 
 from kinematics.files.report_head import calibration_text
 from kinematics.running.durations import age_in_words
@@ -33,6 +34,10 @@ RELATIVE = (
 )
 DEMONSTRATION = "DEMONSTRATION CALIBRATION: it describes no real machine; do not cut with it."
 HEAD = ("um", "max", "RMS", "number")
+CONVERSIONS = {
+    "to-axes": "Tool point (TCP) written as positions of the axes",
+    "to-tcp": "Positions of the axes written as those of the tool point (TCP)",
+}
 
 
 def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, command: str) -> Report:
@@ -49,6 +54,13 @@ def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, c
 def _verdict(result: CorrectionResult) -> str:
     """The result in a few sentences."""
     before, after = result.before, result.after
+    if result.conversion:
+        converted = f"{CONVERSIONS[result.conversion]}: {result.converted_moves} of {result.moves} moves. "
+        return (
+            f"{converted}{_verdict(replace(result, conversion=''))}"
+            if result.calibration["id"] != "none"
+            else converted
+        )
     if result.calibration["id"] == "none":
         return "No calibration: the program was written back as it was."
     if not result.anywhere.where:
@@ -69,7 +81,7 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
     yield Section("Conventions", f"{SIGNS}\n{RELATIVE if result.relative else ''}", detail=True)
     if result.calibration["id"] != "none":
         yield Section("Errors", "\n".join(_about_errors(result)), Table(HEAD, _error_rows(result, trace)))
-    if result.correction:
+    if result.correction and result.calibration["id"] != "none":
         corrections = [(f"correction {axis}", statistic) for axis, statistic in result.correction.items()]
         corrections += [(f"correction {axis}, urad", statistic) for axis, statistic in result.rotary_correction.items()]
         yield Section("Corrections", table=Table(HEAD, _rows(corrections)))
@@ -105,9 +117,11 @@ def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
     if conditions := result.conditions.text():
         yield "conditions", conditions
     split = f"; {result.split_moves} moves split" if result.split_moves else ""
-    where = "backlash is taken up or moves are split" if result.split_moves else "backlash is taken up"
+    divided = result.split_moves or result.conversion
+    where = "backlash is taken up or moves are split" if divided else "backlash is taken up"
     added = f"{split}; {result.added_blocks} blocks added where {where}" if result.added_blocks else ""
-    yield "moves", f"{result.moves} read, {result.corrected} corrected in {result.changed_blocks} blocks{added}"
+    changed = f"{result.converted_moves} converted" if result.conversion else f"{result.corrected} corrected"
+    yield "moves", f"{result.moves} read, {changed} in {result.changed_blocks} blocks{added}"
     yield from (("accepted", f"{name}: {found}") for name, found in result.accepted.items())
 
 

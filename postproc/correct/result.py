@@ -38,6 +38,10 @@ class CorrectionResult(Shown, PredictedErrors, kw_only=True):
     """Number of blocks added for backlash take-ups and for the segments of moves."""
     split_moves: int = 0
     """Number of moves written in several blocks, so that the path stays within the tolerance."""
+    conversion: str = ""
+    """Conversion between tool point and axes, as of `--tcp`; empty for none."""
+    converted_moves: int = 0
+    """Number of moves that were converted."""
     left: dict[str, list[int]] = msgspec.field(default_factory=dict)
     """Lines of feed moves with axes that are not corrected, by these axes."""
     left_outside: list[int] = msgspec.field(default_factory=list)
@@ -104,6 +108,7 @@ class CorrectionResult(Shown, PredictedErrors, kw_only=True):
                 "corrected": self.corrected,
                 "split": self.split_moves,
                 "not_judged": self.not_evaluated,
+                **({"converted": self.converted_moves} if self.conversion else {}),
             },
             "not_split": [not_split.json(reason) for reason, not_split in self.not_split.items()],
             "not_corrected": [{"axes": axes.split(), "lines": ranges(lines)} for axes, lines in self.left.items()],

@@ -89,7 +89,7 @@ class Splitter:
         self.suspect = self.unsplit.keys() | set(motions.block[steep].tolist())
         cuts = {row: _quarters(motions, row, shares) for first, shares in found.shares.items() for row in runs[first]}
         self.moves += len(cuts)
-        return _with_round_angles(split(motions, cuts)) if cuts else motions
+        return with_round_angles(split(motions, cuts)) if cuts else motions
 
 
 def _at_left(motions: Motions, left: np.ndarray) -> list[int]:
@@ -129,7 +129,7 @@ def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
         found = sorted(found + middles)
 
 
-def _with_round_angles(motions: Motions) -> Motions:
+def with_round_angles(motions: Motions) -> Motions:
     """The segments with rotary positions rounded to the resolution, and with unchanged tool points.
 
     Otherwise the rounding of an angle would move the tool point by the angle times its distance from the axis.

@@ -65,6 +65,8 @@ class _Correction(msgspec.Struct, forbid_unknown_fields=True):
     max_correction_um: Annotated[float, msgspec.Meta(ge=0, le=5000)] | None = None
     accept: tuple[str, ...] = ()
     rotary_feed: Literal["leave", "inverse-time", "scaled"] | None = None
+    tcp: Literal["to-axes", "to-tcp"] | None = None
+    tcp_feed: Literal["inverse-time", "scaled"] | None = None
     outside: Literal["refuse", "leave"] = "refuse"
     unroll: bool = False
     force: bool = False

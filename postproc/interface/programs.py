@@ -119,13 +119,15 @@ class Corrected(Shown, msgspec.Struct, frozen=True, dict=True):
 
         UserError for a program that was written to `output`.
         """
+        from postproc.correct.tcp.read_back import setup_of_output
         from postproc.text.source import text_source
         from postproc.verification.verify import motions_with_lines
 
         job = self.job
         if not self.text and job.source.text_head:
             raise UserError("the program was written to output: correct it without output to read its moves")
-        return motions_with_lines(text_source(self.text), job.dialect, job.machine, job.setup)
+        setup = setup_of_output(job)
+        return motions_with_lines(text_source(self.text), job.dialect, setup.machine, setup)
 
 
 @public
@@ -143,6 +145,8 @@ def correct(
     accept: str | None = None,
     travel_check: bool = True,
     rotary_feed: Literal["leave", "inverse-time", "scaled"] | None = None,
+    tcp: Literal["to-axes", "to-tcp"] | None = None,
+    tcp_feed: Literal["inverse-time", "scaled"] | None = None,
     outside: Literal["refuse", "leave"] = "refuse",
     unroll: bool = False,
     force: bool = False,
@@ -158,17 +162,13 @@ def correct(
 
     classes: ISO/TR 16907 classes (`L-VOL,R-VOL`); None for all but FOR. tolerance_um: feed moves that deviate more
     between their ends are split. max_correction_um: larger corrections are refused. accept: implausible conditions
-    that are accepted (`stale,outside`). rotary_feed: feed moves of rotary axes alone are left, or corrected with a new
-    F; None for the entry of the machine file. outside: a program with moves outside the range of the calibration is
-    refused, or these moves stay as programmed. output: file for the program instead of `text`; `progress` gets the
-    number of bytes done since its last call. jobs: number of cores that a long program may use, by further processes; a
-    script that sets it must guard its main part by `if __name__ == "__main__"`, because a new process reads the
-    script. one_of_several: the set-up is that of several programs, and this one may leave a part of it unused;
-    otherwise a work offset or tool length without effect is refused where the program uses others that are not given.
-    beside: the files of called programs are corrected as files, `called` of the result, where each call needs the same
-    correction; otherwise they are written out. shared: those of them that must stay unchanged, for other programs.
-
-    UserError, with file and line, for a construct that is not fully understood; discard `output` then.
+    that are accepted (`stale,outside`). rotary_feed: feed moves of rotary axes alone; None for the machine file's. tcp:
+    the tool point as positions of the axes, or the reverse, with feeds by tcp_feed (docs/tcp.md). outside: moves beyond
+    the range of the calibration are refused, or stay. output: file for the program instead of `text`; `progress` gets
+    the number of bytes done since its last call. jobs: processes for a long program (guard a script by `if __name__ ==
+    "__main__"`). one_of_several: the set-up is that of several programs. beside: called files are
+    corrected as files, `called` of the result, where each call needs the same correction; otherwise they are written
+    out. shared: those of them that must stay unchanged, for other programs. UserError, with file and line.
 
     >>> done = correct("G21 G90 G54\\nG0 X100 Y0 Z0\\nM30\\n", "gantry", "none", setup=set_up("gantry", zero=True))
     >>> print(done.text.splitlines()[1], len(done.moves))
@@ -207,8 +207,10 @@ def correct(
         rotary_feed=rotary_feed or found.control.rotary_feed,
         leave_outside=outside == "leave",
         unroll=unroll,
-        beside=beside,
+        beside=beside and tcp is None,
         shared=frozenset(shared),
+        tcp=tcp or "",
+        tcp_feed=tcp_feed or "",
     )
     pipeline = Pipeline(job, traced=traced, processes=jobs)
     file = io.BytesIO()

@@ -143,11 +143,19 @@ class Polar(NamedTuple):
 
 
 class Paced(NamedTuple):
-    """A corrected feed move of rotary axes alone: its F is written such that it takes the programmed time."""
+    """A feed move whose F is written such that it takes the programmed time.
+
+    It is a corrected move of rotary axes alone, or a move that is converted between tool point and axes.
+    """
 
     minutes: float
     """Time of the whole move."""
     feed: float
-    """F in force, deg/min."""
+    """F in force, mm/min or deg/min in the units of the program."""
     form: str
-    """`inverse-time`: by G93; `linear`: by an F for the path of X Y Z; `combined`: its F counts all axes and stays."""
+    """`inverse-time`: by G93; `linear`: by an F for the path of X Y Z; `all-axes`: by an F for all axes together;
+    `combined`: its F counts all axes and stays; `programmed`: the F in force is written once more."""
+    mode: str = ""
+    """Code of the feed mode that is written before the words of the block; empty for none."""
+    restored: bool = True
+    """A line behind the move restores the feed."""

@@ -216,7 +216,7 @@ class Verifier:
         ends[..., some] = self._vectors(moves, 1.0, some)
         self._add(ends[..., at_ends], datum[:, at_ends], at_end=True)
         joined = self._joined.follow(nominal, moves.commanded, moves.commanded.machine_target, ends.reshape(9, -1).T)
-        between, straight = np.flatnonzero(feed), self._straight(nominal, joined)[feed]
+        between, straight = np.flatnonzero(feed), self._straight(moves, joined)[feed]
         starts, exact = joined.first.T.reshape(ends.shape)[..., between], np.flatnonzero(~straight)
         ways, shift = ends[..., between] - starts, datum[:, between]
         for share in INNER:
@@ -276,7 +276,7 @@ class Verifier:
         shares = np.full(len(rows), share)
         bare, found, aim = moves.matched.bare.take(rows), list[PoseErrors](), None
         positions = [
-            bare.in_machine(text.target[rows] if share == 1.0 else positions_along(text, rows, shares))
+            text.bare.take(rows).in_machine(text.target[rows] if share == 1.0 else positions_along(text, rows, shares))
             for text in (moves.matched, moves.commanded)
         ]
         for q, tracked in zip(positions, self._tracked, strict=True):
@@ -285,8 +285,9 @@ class Verifier:
             aim = found[0].nominal_pose
         return np.array([found[0].nominal.T, *(errors.apart.T for errors in found)])
 
-    def _straight(self, nominal: Motions, joined: Joined) -> NDArrayBool:
+    def _straight(self, moves: Matched, joined: Joined) -> NDArrayBool:
         """Rows `(n,)` along which the errors before and after are evenly spread between those at both ends, to EVEN."""
+        nominal = moves.matched
         machine, n = nominal.machine, len(nominal)
         if any(states.axes for states in self._tracked):
             return np.zeros(n, bool)
@@ -296,6 +297,7 @@ class Verifier:
             for start, end in zip(joined.starts, joined.ends, strict=True)
         )
         even = (np.maximum(before, after + joined.bends) <= EVEN) & (joined.path_bends <= STRAIGHT)
+        even &= nominal.tcp == moves.commanded.tcp
         return np.asarray(joined.rows & even & np.isfinite(joined.first).all(axis=1))
 
     def _add(self, vectors: Array, shift: Array, *, at_end: bool) -> None:

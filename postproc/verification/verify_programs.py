@@ -12,12 +12,14 @@ from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.compensation.used_datums import UsedDatums
+from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
 from postproc.control.without_effect import refuse_without_effect, unused_set_up
 from postproc.correct.classes import ClassResiduals, ClassTable
-from postproc.correct.mark import PARTS, Mark, check_mark, mark_in_program, mark_of
+from postproc.correct.mark import PARTS, Mark, check_mark, conversions_in_program, mark_in_program, mark_of
 from postproc.correct.plausibility import parse_accepted
-from postproc.dialects import find_dialect
+from postproc.correct.tcp.read_back import setups_of
+from postproc.dialects import Dialect, find_dialect
 from postproc.evaluation.trace import DrawnPaths
 from postproc.text.notes import Notes
 from postproc.text.source import Source
@@ -113,7 +115,7 @@ def verify_programs(
     corrected = _mark_of_the_second(programs)
     notes = model_notes(models.evaluated, conditions)
     languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
-    interpreters = [language.interpreter(machine, setup, Notes()) for language in languages]
+    interpreters = _interpreters(languages, setup, programs[1])
     called: tuple[list[Source], list[Source]] = ([], [])
     nominal, commanded = map(run_motions, programs, languages, interpreters, (progress, progress), called)
     verifiers = {
@@ -141,6 +143,12 @@ def verify_programs(
         [*notes, *datums.notes()],
         verifiers[""].paths,
     )
+
+
+def _interpreters(languages: Sequence[Dialect], setup: Setup, corrected: Source) -> list[Interpreter]:
+    """The interpreters of both programs, the second of which may be converted between tool point and axes."""
+    setups = setups_of(setup, conversions_in_program(corrected))
+    return [language.interpreter(own.machine, own, Notes()) for language, own in zip(languages, setups, strict=True)]
 
 
 def _evaluated(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from enum import StrEnum
+from fractions import Fraction
 
 import msgspec
 
@@ -40,6 +41,8 @@ class Tag(StrEnum):
     """Segment of a move, with its start fraction: NCOMP FROM 3/8."""
 
 
+LARGEST = 1 << 20
+"""Largest denominator of a share that is shortened."""
 _SHARE = re.compile(rf"{Tag.PART} (\d+)/(\d+)")
 
 
@@ -56,7 +59,10 @@ def start_fraction_of(text: str) -> float:
 
 def part(start_fraction: float) -> str:
     """Comment of a block that begins at a share of its programmed move."""
-    count, of = start_fraction.as_integer_ratio()
+    share = Fraction(start_fraction).limit_denominator(LARGEST)
+    if float(share) != start_fraction:
+        share = Fraction(start_fraction)
+    count, of = share.as_integer_ratio()
     return f"{Tag.PART} {count}/{of}"
 
 
@@ -98,6 +104,7 @@ class AddedBlock(msgspec.Struct):
     tag: str
     sense: int = 0
     """Sense of an arc, +1 counter-clockwise; 0 for a straight line."""
+    rapid: bool = False
     preface: str = ""
     """Text of a block before it; empty for none."""
     iterations: Iterations | None = None
@@ -172,9 +179,9 @@ class AddedBlock(msgspec.Struct):
         if self.klartext:
             heads = {"R": "CR", "IPA": "CP"}
             head = next((heads[address] for address, _ in self._words if address in heads), "C" if self.sense else "L")
-            ordered += ["DR+" if self.sense > 0 else "DR-"] if self.sense else []
+            ordered += ["DR+" if self.sense > 0 else "DR-"] if self.sense else ["FMAX"] if self.rapid else []
         else:
-            head = "G1" if not self.sense else "G3" if self.sense > 0 else "G2"
+            head = ("G0" if self.rapid else "G1") if not self.sense else "G3" if self.sense > 0 else "G2"
         blank = " " if self.klartext or self.layout.blank else ""
         words = blank.join([*self.modes, head, *ordered, *self.feed, *self.functions])
         lower = self.beside.words and self.beside.text[self.beside.words[0].at].islower()

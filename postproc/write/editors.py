@@ -3,19 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from kinematics.machine import Machine
 from postproc.motion.motions import Motions
-from postproc.text.block import Block, edited
+from postproc.text.block import Block, Edit, edited
 from postproc.text.blocks import Blocks
-from postproc.text.editing import Iterations, Layout, WordEditor
+from postproc.text.editing import Iterations, Layout, WordEditor, end_of
 from postproc.write.decimals import decimals_of_axis
 from postproc.write.plain_texts import PlainText
 
 MOST_APART_UM = 1.0
 """Twice the largest difference, um, between the corrections of iterations of a block that share its text."""
+
+
+@dataclass
+class Rewrite:
+    """Changes by index of the block in the chunk."""
+
+    edits: dict[int, list[Edit]] = field(default_factory=dict)
+    """Changes of the text of a block; they touch no coordinate."""
+    before: dict[int, list[str]] = field(default_factory=dict)
+    """Lines before a block."""
+    cut: dict[int, list[int]] = field(default_factory=dict)
+    """Indices of words that a block loses."""
+    spelled: set[int] = field(default_factory=set)
+    """Blocks that get words for rotary axes which a tool vector has turned."""
+    whole: set[int] = field(default_factory=set)
+    """Blocks that get X Y Z also where these do not move."""
+
+    def prepared(self, index: int, block: Block) -> Block:
+        """The block, beside which others may be added if its tool vector is replaced."""
+        return block._replace(no_insertion=False) if index in self.spelled else block
+
+    def write(self, block: int, editor: WordEditor) -> None:
+        """Make the changes of a block."""
+        for index in self.cut.get(block, ()):
+            editor.cut(editor.block.words[index])
+        editor.edits += self.edits.get(block, [])
+        if lines := self.before.get(block):
+            end = end_of(editor.block.text) or editor.layout.end
+            editor.edits.insert(0, Edit(0, 0, "".join(line + end for line in lines)))
+
+    @property
+    def blocks(self) -> list[int]:
+        """All blocks with changes."""
+        return sorted({*self.edits, *self.before, *self.cut})
 
 
 class Editors:
@@ -26,12 +61,14 @@ class Editors:
         self.layout = Layout()
         self._editors: dict[int, WordEditor] = {}
         self._indices: Sequence[int] | None = None
+        self.rewrite = Rewrite()
+        """What a conversion of the program changes in the chunk."""
         self._iterations: dict[int, Iterations] = {}
         """Iterations by block of the program, if blocks may run several times."""
 
-    def start(self, indices: Sequence[int] | None) -> None:
+    def start(self, indices: Sequence[int] | None, rewrite: Rewrite | None) -> None:
         """Begin a chunk; indices: of its blocks in the program if blocks may run several times."""
-        self._editors, self._indices = {}, indices
+        self._editors, self._indices, self.rewrite = {}, indices, rewrite or Rewrite()
 
     def of(self, motions: Motions, block: int) -> WordEditor:
         """The editor of a block of the chunk."""
@@ -41,7 +78,8 @@ class Editors:
 
     def new(self, motions: Motions, block: int) -> WordEditor:
         """A further editor of a block, whose edits are not written."""
-        return WordEditor(motions.blocks[block], self.layout_of(motions, block), self.iterations_of(motions, block))
+        own = self.rewrite.prepared(block, motions.blocks[block])
+        return WordEditor(own, self.layout_of(motions, block), self.iterations_of(motions, block))
 
     def layout_of(self, motions: Motions, block: int) -> Layout:
         """The layout of the program; of a block that may run several times, when it ran first."""
@@ -60,8 +98,11 @@ class Editors:
             self._iterations[self._indices[block]] = Iterations(self.layout, counts)
         return self._iterations[self._indices[block]]
 
-    def texts(self, blocks: Blocks, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
+    def texts(self, motions: Motions, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
         """The texts of all blocks; `plain`: those of consecutive plain lines, by the index of the first."""
+        blocks: Blocks = motions.blocks
+        for block in self.rewrite.blocks:
+            self.rewrite.write(block, self.of(motions, block))
         for some, first in zip(blocks.parts, blocks.firsts, strict=False):
             if isinstance(some, list):
                 yield from (self._text(first + i, block) for i, block in enumerate(some))

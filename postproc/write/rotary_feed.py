@@ -1,4 +1,4 @@
-"""F of corrected feed moves of rotary axes alone, and the line behind them that restores the feed of the program."""
+"""F of moves that take a time of their own, and the line behind them that restores the feed of the program."""
 
 from __future__ import annotations
 
@@ -19,33 +19,45 @@ RESTORED = "NCOMP FEED"
 
 def write_feed_mode(motions: Motions, row: int, editor: WordEditor) -> None:
     """Write the feed mode of a row in front of its words."""
-    if motions.paced[row].form == "inverse-time":
-        editor.insert_motion_code("G93")
+    if mode := motions.paced[row].mode:
+        editor.insert_motion_code(mode)
 
 
 def write_feed(motions: Motions, row: int, editor: WordEditor | AddedBlock, moved: float) -> None:
     """Write the F of a row, or of a segment; moved: length of its written path of X Y Z, mm."""
     block = motions.blocks[motions.block[row]]
-    value = _feed_of(motions, row, moved)
+    value, paced = _feed_of(motions, row, moved), motions.paced[row]
+    least = decimals_holding(paced.feed) if paced.form == "programmed" else None
     if isinstance(editor, AddedBlock):
         if value is not None:
-            editor.feed = [f"F{_digits(value, editor.layout.numbers)}"]
+            editor.feed = [f"F{_digits(value, editor.layout.numbers, least)}"]
         return
     if value is None:
         return
     index = feed_index(block)
     blank = " " if editor.layout.blank else ""
-    if index is None:
+    if index is None and block.kind != "words":  # Klartext: F stands before the M functions
+        behind = min((word.at for word in block.words if word.address == "M"), default=-1)
+        last = behind if behind >= 0 else max(word.end + word.tail for word in block.words)
+        text = f"F{_digits(value, editor.layout.numbers, least)}"
+        editor.put(last, last, f"{text} " if behind >= 0 else f" {text}")
+    elif index is None:
         last = max(word.end + word.tail for word in block.words)
-        editor.put(last, last, f"{blank}F{_digits(value, editor.layout.numbers)}")
+        editor.put(last, last, f"{blank}F{_digits(value, editor.layout.numbers, least)}")
     else:
-        editor.put(block.words[index].start, block.words[index].end, _digits(value, editor.layout.numbers))
+        editor.put(block.words[index].start, block.words[index].end, _digits(value, editor.layout.numbers, least))
+
+
+def takes_up_in_time(motions: Motions, row: int) -> bool:
+    """True for a backlash take-up under a G93 that is in force since an earlier block."""
+    paced = motions.paced.get(row + 1) if motions.kind[row] == Kind.TAKE_UP else None
+    return paced is not None and paced.form == "inverse-time" and not paced.mode
 
 
 def restored_feed(motions: Motions, row: int, numbers: NumberStyle, comment: str) -> list[str]:
     """The line behind the last segment of a row that restores the feed; none where the feed has stayed."""
     paced = motions.paced[row]
-    if paced.form == "combined":
+    if paced.form == "combined" or not paced.restored:
         return []
     mode = "G94 " if paced.form == "inverse-time" else ""
     return [f"{mode}F{numbers.write(paced.feed, decimals_holding(paced.feed)).lstrip('+')} {comment.format(RESTORED)}"]
@@ -61,10 +73,19 @@ def _feed_of(motions: Motions, row: int, moved: float) -> float | None:
         return float(1.0 / minutes)
     if paced.form == "combined":
         return None
+    if paced.form == "programmed":
+        return paced.feed
+    way = (motions.target - motions.start)[row]
+    angle = float(np.linalg.norm(way[motions.machine.rotary]))
+    if paced.form == "all-axes":
+        return float(np.hypot(moved / motions.unit[row], angle) / minutes)
+    if moved <= SAME and not paced.restored:
+        return float(max(angle, SAME) / minutes)
     return float(moved / motions.unit[row] / minutes) if moved > SAME else paced.feed
 
 
-def _digits(value: float, numbers: NumberStyle) -> str:
-    """A positive number with DIGITS digits."""
-    decimals = max(1, DIGITS - 1 - int(np.floor(np.log10(value))))
+def _digits(value: float, numbers: NumberStyle, decimals: int | None = None) -> str:
+    """A positive number with DIGITS digits, or with these decimals."""
+    if decimals is None:
+        decimals = max(1, DIGITS - 1 - int(np.floor(np.log10(value))))
     return numbers.write(value, decimals).lstrip("+")

@@ -44,6 +44,10 @@ class RowWords:
     """Axes with words of their own, by letter."""
     exact: set[int]
     """Axes whose numbers are written without rounding."""
+    spelled: bool = False
+    """Rotary axes that a tool vector has turned get words."""
+    whole: bool = False
+    """X Y Z get words also where they do not move."""
     dropped: list[int] = field(default_factory=list)
     """Klartext arcs: indices of the words that an angle must replace."""
     start: list[float] = field(init=False)
@@ -60,6 +64,8 @@ class RowWords:
         """Write the axes that the block names."""
         motions, row, held = self.motions, self.row, self.held
         for axis, index, incremental in motions.words[row]:
+            if index < 0 and self.spelled:
+                continue
             self.named.add(axis)
             if not self.programmed[axis]:
                 self._move_as_programmed(axis)
@@ -114,6 +120,8 @@ class RowWords:
             held, unit = self.held[axis], self._unit(axis)
             base = held if incremental else 0.0
             number, before = (self.corrected[axis] - base) / unit, (held - base) / unit
+            if self.whole and not self.machine.rotary[axis]:
+                before = math.nan  # no position is in force
             decimals = self._decimals(axis, unit, number)
             form = self._form(axis, held, decimals) if axis in self.turning and not incremental else PLAIN
             after = self.editor.add(self.machine.names[axis], number, before, decimals, form)

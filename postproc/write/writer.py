@@ -16,6 +16,7 @@ import numpy as np
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.correction import Correction
+from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Kind, Known
@@ -35,14 +36,14 @@ from postproc.write.added_blocks import (
 from postproc.write.arcs import ABOUT_POLES, CircleWriter, NominalArc
 from postproc.write.decimals import decimals_of_axis
 from postproc.write.drilling import Depth, HoleWriter, WordScale
-from postproc.write.editors import Editors
+from postproc.write.editors import Editors, Rewrite
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
 from postproc.write.plain_arcs import writable_arcs
 from postproc.write.plain_rows import PlainRows, WrittenAxis, WrittenRows, plain_stretches
 from postproc.write.plain_texts import PlainText, PlainWords, joined, plain_texts
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
-from postproc.write.rotary_feed import restored_feed, write_feed, write_feed_mode
+from postproc.write.rotary_feed import restored_feed, takes_up_in_time, write_feed, write_feed_mode
 from postproc.write.row_words import RowWords, corrected_end, kept_axes
 
 
@@ -82,6 +83,7 @@ class Writer:
         self._turned_by_vector = np.flatnonzero(machine.rotary).tolist()
         """Axes that a block may turn without a word for them, by a tool vector."""
         self._editors = Editors(machine, tolerance_um)
+        self._converts = False
         self._held: list[float] | None = None
         self._frame: Frame | None = None
         self._programmed: NDArrayBool = np.empty((0, 0), bool)
@@ -105,15 +107,21 @@ class Writer:
     def _letter(self, axis: int) -> int:
         return ORDER.index(self.machine.names[axis][0])
 
-    def write(self, motions: Motions, correction: Correction, indices: Sequence[int] | None = None) -> Written:
-        """Edit the blocks of a chunk; indices: theirs in a program if blocks may run several times."""
-        self._editors.start(indices)
+    def write(
+        self, motions: Motions, correction: Correction, indices: Sequence[int] | None, rewrite: Rewrite | None
+    ) -> Written:
+        """Edit the blocks of a chunk; indices: theirs in a program if blocks may run several times.
+
+        rewrite: what a conversion changes besides the coordinates; None for no conversion.
+        """
+        self._editors.start(indices, rewrite)
+        self._converts = rewrite is not None
         self._begun, self._arcs, self._at_end, self._added = set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
         rotary_only = motions.rotary_only
         assumed = motions.known_start == Known.ASSUMED
         self._programmed, self._ours, self._inner = motions.correctable, motions.added, motions.intermediate
-        together = not self._turns and indices is None
+        together = not self._turns and indices is None and not self._converts
         plain_arcs = writable_arcs(motions, correction.middle_shift) if together else {}
         stretches = plain_stretches(motions, plain_arcs) if together else {}
         plain: list[tuple[int, PlainRun, PlainWords]] = []
@@ -135,19 +143,26 @@ class Writer:
                     self._held = ends[behind - 1].tolist()
                     plain.append((int(motions.block[row]), run.part(0, lines), written.words))
                     continue
-            if motions.kind[row] == Kind.MACHINE:
-                self._go_to_machine_position(motions, row, held)
-            elif motions.kind[row] == Kind.PRESET:
-                self._preset(motions, row, held)
-            elif motions.kind[row] == Kind.PATTERN:
-                self._follow(motions, correction, row, held, ends[row - 1] - motions.target[row - 1])
-            else:
-                self._write_row(motions, correction, row, held, bool(rotary_only[row]))
+            shift = ends[row - 1] - motions.target[row - 1]
+            self._write_move(motions, correction, row, held, shift, rotary_only=bool(rotary_only[row]))
             ends[row] = self._held = held
             if row in motions.cycles:
                 ends[row, motions.cycles[row].axis] = self._bottom
-        texts = list(self._editors.texts(motions.blocks, _plain_texts(plain)))
+        texts = list(self._editors.texts(motions, _plain_texts(plain)))
         return Written(texts, starts, ends, self._arcs, self._added)
+
+    def _write_move(
+        self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array, *, rotary_only: bool
+    ) -> None:
+        """Write one move; `held` becomes the position after it. shift `(axes,)`: that of the end of the row before."""
+        if motions.kind[row] == Kind.MACHINE:
+            self._go_to_machine_position(motions, row, held)
+        elif motions.kind[row] == Kind.PRESET:
+            self._preset(motions, row, held)
+        elif motions.kind[row] == Kind.PATTERN:
+            self._follow(motions, correction, row, held, shift)
+        else:
+            self._write_row(motions, correction, row, held, rotary_only)
 
     def _write_plain(
         self,
@@ -269,19 +284,7 @@ class Writer:
         editor: WordEditor | AddedBlock,
     ) -> None:
         kept = kept_axes(self.machine, motions, row, rotary_only=rotary_only)
-        # a segment ends at a position without words in the program: all moving axes are written
-        written = self._all_by_letter if self._inner[row] or self._ours[row] else self._by_letter
-        words = RowWords(
-            self.machine,
-            motions,
-            row,
-            editor,
-            self._programmed[row],
-            held,
-            corrected_end(motions, correction, row, held, kept),
-            written,
-            {*written} - {*self._by_letter} | {*kept},
-        )
+        words = self._row_words(motions, row, held, editor, corrected_end(motions, correction, row, held, kept), kept)
         words.write_named()
         words.turn_by_vector(self._turned_by_vector)
         ends = (words.start, held)
@@ -297,6 +300,26 @@ class Writer:
             self._arcs[row] = self._circles.write(motions, row, ends, shift, editor, pole, words.dropped)
         if row in motions.cutter_compensated:
             words.check_cutter_compensation()
+
+    def _row_words(
+        self,
+        motions: Motions,
+        row: int,
+        held: list[float],
+        editor: WordEditor | AddedBlock,
+        corrected: list[float],
+        kept: tuple[int, ...],
+    ) -> RowWords:
+        """The words of a move to its corrected end, with `kept` axes at its start."""
+        # a segment ends at a position without words in the program: all moving axes are written
+        everything = self._inner[row] or self._ours[row] or self._converts
+        written = self._all_by_letter if everything else self._by_letter
+        exact = {*written} - {*self._by_letter} | {*kept}
+        block, rewrite = int(motions.block[row]), self._editors.rewrite
+        words = RowWords(self.machine, motions, row, editor, self._programmed[row], held, corrected, written, exact)
+        words.spelled = block in rewrite.spelled
+        words.whole = block in rewrite.whole and not self._ours[row]
+        return words
 
     def _write_depth(
         self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
@@ -337,7 +360,8 @@ class Writer:
         iterations = self._editors.iterations_of(motions, int(motions.block[row]))
         layout = self._editors.layout_of(motions, int(motions.block[row])).after(block)
         number = int(np.count_nonzero(motions.added[:row] & (motions.block[:row] == motions.block[row])))
-        return AddedBlock(block, layout, tag, 0 if arc is None else arc.sense, iterations=iterations, number=number)
+        sense, rapid = 0 if arc is None else arc.sense, motions.kind[row] == Kind.RAPID
+        return AddedBlock(block, layout, tag, sense, rapid=rapid, iterations=iterations, number=number)
 
     def _put_beside(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
         """Put an added block before or after the block of its move; a backlash take-up without words is dropped."""
@@ -352,6 +376,8 @@ class Writer:
             add_inverse_time(motions, row, added, moved)
         elif paced:
             write_feed(motions, row, added, moved)
+        elif takes_up_in_time(motions, row):
+            added.feed_of(motions.paced[row + 1].feed / max(moved, SAME))
         elif not begun:
             added.feed += feed_words(added.beside)
         editor = self._editors.of(motions, block)

@@ -30,6 +30,15 @@ OUTPUTS = {
     *("--data", "--pdf"),
 }
 """Options that the name of an output follows."""
+TIP = """\
+G21 G17 G90 G94 G54
+T1 M6
+G0 B0 C0
+G0 X10. Y20.
+G43.4 H1 X10. Y20. Z100. B0 C0
+G1 X12. Y20. Z95. B1. C.5 F1000.
+M30
+"""
 PROGRAM = "G21 G17 G90 G54\nT5 M6\nG43 H5\nG0 X10. Y10. Z30.\nG1 Z5. F500\nX60.\nG2 X70. Y20. I0. J10.\nG1 Y35.\nG0 Z30.\nM30\n"
 TURNTABLE = 'name = "turntable"\nchain = "w C b t"\n[axes.C]\ntravel = [-1, 361]\npoint = [0, 0, 0]\nhome = 0\n'
 B89 = "test,range_mm,range_2_mm,length_mm,error_um\n" + "".join(
@@ -188,6 +197,7 @@ TABLE = "-250 -250.01 -250.01\n0 0 0.002\n250 250.02 250.02\n"
 FILES: dict[str, Maker] = {
     "part.nc": text(PROGRAM),
     "library": lambda path, _: path.mkdir(),
+    "tip.nc": text(TIP),
     "job.toml": text('machine = "dmu50"\n[programs]\n"posted/part.nc" = "corrected/job.nc"\n'),
     "posted": programs,
     "mill.toml": shown("machines.md", "chain ="),

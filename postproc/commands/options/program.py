@@ -164,6 +164,14 @@ class CorrectionOptions:
         "an F for X Y Z; default: the entry of the machine file, else leave.",
         "leave|inverse-time|scaled",
     )
+    tcp: Literal["to-axes", "to-tcp"] | None = option(
+        "Write a program of the tool point (G43.4, TRAORI, M128) as positions of the axes, for a control without TCP; "
+        "or the reverse. With `--calibration none` by the machine file alone.",
+    )
+    tcp_feed: Literal["inverse-time", "scaled"] | None = option(
+        "Feed of converted moves: by G93, or by an F for the new path; default: G93 for positions of the axes, an F in "
+        "Klartext and for the tool point.",
+    )
     outside: Literal["refuse", "leave"] = option(
         "Moves outside the range for which the calibration was measured: the program is refused, or they stay as "
         "programmed and are listed.",

@@ -53,7 +53,8 @@ class RotaryFeeds:
                 continue
             angle = float(np.linalg.norm((motions.target - motions.start)[row, self._machine.rotary]))
             assert feed.value is not None
-            paced[row] = Paced(angle / feed.value, feed.value, self._form)
+            mode = "G93" if self._form == "inverse-time" else ""
+            paced[row] = Paced(angle / feed.value, feed.value, self._form, mode)
         self._feed = feeds[-1] if feeds else self._feed
         return replace(motions, paced=paced) if paced else motions
 

@@ -11,6 +11,8 @@ from postproc.text.blocks import Blocks
 
 PER_MINUTE = 94.0
 """Feed mode in which F is a speed, mm/min or deg/min."""
+TCP_M = 128.0
+"""Klartext: an F behind M128 limits the speed of the compensating moves."""
 
 
 class Feed(NamedTuple):
@@ -42,6 +44,8 @@ def _after(block: Block, feed: Feed) -> Feed:
     if "FGROUP" in block.text.upper():
         feed = feed._replace(grouped=True)
     for word in block.words:
+        if word.address == "M" and word.value == TCP_M:
+            break
         if word.address == "F":
             feed = feed._replace(value=None if word.formula else word.value)
     return feed

@@ -7,7 +7,7 @@ from typing import IO, BinaryIO
 
 from postproc.control.state import ControlState
 from postproc.correct.job import Job
-from postproc.correct.mark import UNCHANGED, Mark, MarkedOutput, called_by, mark_index, mark_line, mark_of
+from postproc.correct.mark import CONVERTED, UNCHANGED, Mark, MarkedOutput, called_by, mark_index, mark_line, mark_of
 from postproc.iso.reading.lines import refuse_lengthened
 from postproc.text.block import Block
 from postproc.text.source import ENCODING, Source
@@ -53,7 +53,7 @@ class Output:
         """
         job = self._job
         mark = mark_of(job.model, state)
-        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted), out)
+        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted, CONVERTED[job.tcp]), out)
 
     def finish_called(
         self, state: ControlState, accepted: dict[str, str], out: BinaryIO, caller: Source, *, changed: bool

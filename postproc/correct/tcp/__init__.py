@@ -1,0 +1,1 @@
+"""Programs of the tool point (TCP) as programs of axis positions, and back."""

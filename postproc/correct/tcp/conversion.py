@@ -1,0 +1,227 @@
+"""Conversion of a program: the tool point's coordinates (TCP) into positions of the axes, or the reverse.
+
+    Part of the input -> Motions in the other coordinates, cut into segments, and a Rewrite of what else changes
+
+From there on the moves are corrected, checked and written as those of any program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from kinematics.machine import NDArrayBool
+from kinematics.user_error import UserError
+from postproc.control.tool_table import shown_tool
+from postproc.correct.job import Job
+from postproc.correct.obstacles import Asked, Change, reasons, turns_unknown
+from postproc.correct.rotary.feed_in_force import Feed, feeds_in_force
+from postproc.correct.splitting import with_round_angles
+from postproc.correct.tcp.feed import Feeds
+from postproc.correct.tcp.known import known_in_other
+from postproc.correct.tcp.path import cuts_within, shifts_only, turns, with_frames
+from postproc.correct.tcp.singular import note_singular
+from postproc.correct.tcp.switches import SwitchedOn, spell_vector, switch_off
+from postproc.execution import Part
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind, Known
+from postproc.motion.segments import split
+from postproc.text.notes import Notes
+from postproc.text.number_style import decimals_for
+from postproc.write.added_blocks import NO_INSERTION
+from postproc.write.editors import Rewrite
+
+SHARE = 0.5
+"""Share of the tolerance for the linearisation; the rest is for the correction and for rounding."""
+RAPID_MM = 0.1
+"""Largest deviation of a rapid from its path under TCP."""
+PATHS = (Kind.RAPID, Kind.LINE, Kind.ARC)
+STANDS_MM = 1e-7
+"""An axis that moves by less stands still."""
+NOTHING = {
+    "to-axes": "--tcp to-axes: the program switches no TCP on (G43.4, TRAORI, M128, FUNCTION TCPM): nothing to convert",
+    "to-tcp": "--tcp to-tcp: no move of the program can be one of the tool point: nothing to convert",
+}
+REFUSED = {
+    "cycles": "a canned cycle under TCP is not converted: write its moves",
+    "polars": "polar coordinates under TCP are not converted: write X Y Z",
+    "cutter_compensated": "radius compensation under TCP is not converted: let the CAM system compensate the radius",
+}
+"""Entries of Motions by row that no conversion has, with the reason."""
+ARC = (
+    "the arc would not lie in a plane of the axes, or rotary axes move along it: write it in straight lines (an option "
+    "of the CAM system)"
+)
+
+
+class Conversion:
+    """Converts the parts of one program, in their order."""
+
+    def __init__(self, job: Job, notes: Notes) -> None:
+        """UserError for feeds or coordinates that the control does not have."""
+        self._job, self._machine, self._notes = job, job.machine, notes
+        self._to_axes = job.tcp == "to-axes"
+        family = job.machine.control.family if job.dialect.name == "iso" else ""
+        if not self._to_axes and family == "linuxcnc" and not job.machine.control.tcp_at_start:
+            raise UserError(
+                "--tcp to-tcp: LinuxCNC has no code for TCP, its kinematics position the tool point from the start: "
+                "write tcp_at_start = true under [control] of the machine file"
+            )
+        self._feeds, self._feed = Feeds(job), Feed()
+        self._switched = SwitchedOn(job.dialect, job.machine.control.tcp_at_start)
+        self._turned: dict[int, tuple[float, float]] = {}
+        """Positions to which the last tool vector has turned the rotary axes, by column: exact, and as written."""
+        self._singular = 0
+        self.moves = 0
+        """Number of converted moves."""
+
+    def converted(self, part: Part) -> tuple[Part, Rewrite]:
+        """The moves of a part in the other coordinates; Refusal for one that cannot be converted."""
+        rewrite = Rewrite()
+        motions = part.motions
+        motions = replace(motions, timed=motions.timed & (motions.kind != Kind.RAPID))  # a rapid has no F under G93
+        feeds = feeds_in_force(motions.blocks, self._feed)
+        self._feed = feeds[-1] if feeds else self._feed
+        rows = self._rows(motions, rewrite)
+        motions = self._spelled(motions, rows, rewrite)
+        self._refuse(motions, rows)
+        moved = rows & np.isin(motions.kind, PATHS)
+        self.moves += int(moved.sum())
+        self._singular = note_singular(motions, np.flatnonzero(moved), self._notes, self._singular)
+        paced = self._feeds.of_part(motions, moved, feeds, rewrite)
+        cut = with_round_angles(split(motions, self._cuts(motions, moved, part.varied, rewrite)))
+        origin = np.cumsum(~cut.added) - 1
+        rows = rows[origin]
+        pieces = {i: paced[row] for i, row in enumerate(origin.tolist()) if row in paced}
+        known, known_start = known_in_other(cut, rows)
+        converted = replace(with_frames(cut, rows), known=known, known_start=known_start, paced=pieces)
+        self._refuse_unknown(converted, rows)
+        return msgspec.structs.replace(part, motions=converted), rewrite
+
+    def refuse_nothing(self) -> None:
+        """UserError for a program of which no move was converted."""
+        if not self.moves:
+            raise UserError(f"{self._job.source.name}: {NOTHING[self._job.tcp]}")
+
+    def notes(self, tools: dict[str, str]) -> list[str]:
+        """Notes on what the program depends on; tools: the lengths that it uses."""
+        leans = any(axis.rotary and axis.side == "tool" for axis in self._machine.axes)
+        if not self._to_axes or not leans:
+            return []
+        lengths = ", ".join(f"{shown_tool(tool)} {length} mm" for tool, length in tools.items()) or "0"
+        return [f"the positions of the axes hold for these tool lengths only: {lengths}"]
+
+    def _rows(self, motions: Motions, rewrite: Rewrite) -> NDArrayBool:
+        """The rows that get the other coordinates; the words that switch TCP are rewritten."""
+        blocks = motions.blocks
+        if self._to_axes:
+            for index, block in enumerate(blocks):
+                switch_off(self._job.dialect, index, block, rewrite)
+            return np.array(motions.tcp)
+        kinds: dict[int, list[Kind]] = {}
+        for index, kind in zip(motions.block.tolist(), motions.kind.tolist(), strict=True):
+            kinds.setdefault(index, []).append(Kind(kind))
+        known = (motions.known_start == Known.PROGRAM).all(axis=1) & (motions.known == Known.PROGRAM).all(axis=1)
+        feed = known & ((motions.kind == Kind.LINE) | (motions.kind == Kind.ARC))
+        ready = set(motions.block[feed].tolist())
+        inside = set(self._switched.follow(blocks, kinds, ready, rewrite))
+        return np.isin(motions.block, sorted(inside))
+
+    def _spelled(self, motions: Motions, rows: NDArrayBool, rewrite: Rewrite) -> Motions:
+        """Tool vectors as positions of the rotary axes, rounded as they are written."""
+        rotary = np.flatnonzero(self._machine.rotary).tolist()
+        some = [
+            row
+            for row in np.flatnonzero(rows).tolist()
+            if (index := int(motions.block[row])) in rewrite.spelled
+            or spell_vector(self._job.dialect, index, motions.blocks[index], rewrite)
+        ]
+        if not some and not self._turned:
+            return motions
+        start, target, known, known_start = motions.copies("start", "target", "known", "known_start")
+        vectors = set(some)
+        for row in range(len(motions)):
+            for axis, (exact, rounded) in self._turned.items():
+                if start[row, axis] == exact:
+                    start[row, axis], known_start[row, axis] = rounded, Known.PROGRAM
+            if row in vectors:
+                self._turned = {
+                    axis: (float(target[row, axis]), self._rounded(axis, target[row, axis])) for axis in rotary
+                }
+            for axis, (exact, rounded) in list(self._turned.items()):
+                if target[row, axis] == exact:
+                    target[row, axis], known[row, axis] = rounded, Known.PROGRAM
+                else:
+                    del self._turned[axis]
+        return replace(motions, start=start, target=target, known=known, known_start=known_start)
+
+    def _rounded(self, axis: int, degrees: float) -> float:
+        """A position of a rotary axis as it is written."""
+        return round(degrees, decimals_for(self._machine.axes[axis].resolution))
+
+    def _refuse(self, motions: Motions, rows: NDArrayBool) -> None:
+        """Refusal for a move that has no form in the other coordinates."""
+        for row in np.flatnonzero(rows).tolist():
+            block = motions.blocks[int(motions.block[row])]
+            for name, reason in REFUSED.items():
+                if row in getattr(motions, name):
+                    raise block.refuse(reason)
+            frame = motions.frames[motions.frame[row]]
+            if frame.turn is not None:
+                raise block.refuse(
+                    "rotated, mirrored or scaled coordinates, or a tilted plane, are not converted: end them before TCP"
+                )
+            if motions.kind[row] not in (*PATHS, Kind.MACHINE):
+                raise block.refuse("this block under TCP is not converted: write its moves in X Y Z")
+            if (unknown := turns_unknown(motions, row)) and motions.kind[row] != Kind.MACHINE:
+                name = self._machine.names[unknown[0]]
+                raise block.refuse(
+                    f"{name} turns by half a turn or more, and its direction depends on the control: write rollover = "
+                    f'"as-written" or "shortest" under [axes.{name}] in the machine file'
+                )
+        arcs = [row for row in motions.arcs if rows[row]]
+        for row, same in zip(arcs, shifts_only(motions, arcs), strict=True):
+            if not same or turns(motions)[row].any():
+                raise motions.blocks[int(motions.block[row])].refuse(ARC)
+
+    def _cuts(
+        self, motions: Motions, moved: NDArrayBool, varied: frozenset[int], rewrite: Rewrite
+    ) -> dict[int, list[float]]:
+        """Where the moves are cut; Refusal for a move that cannot be."""
+        limit = max(SHARE * 1e-3 * self._job.tolerance_um, self._machine.rounding_mm)
+        rapid = motions.kind == Kind.RAPID
+        cuts = cuts_within(motions, np.flatnonzero(moved & ~rapid), limit)
+        cuts |= cuts_within(motions, np.flatnonzero(moved & rapid), max(limit, RAPID_MM))
+        assumed = (motions.known_start == Known.ASSUMED).any(axis=1)
+        cuts = {row: shares for row, shares in cuts.items() if not (rapid[row] and assumed[row])}
+        rows = sorted(cuts)
+        # a start that follows from machine coordinates or from an earlier frame is known
+        asked = Asked(
+            replace(motions, known_start=np.where(assumed[:, None], motions.known_start, motions.known)), varied
+        )
+        for row, reason in zip(rows, reasons(Change.SPLIT, asked, rows), strict=True):
+            index = int(motions.block[row])
+            if reason and not (reason == NO_INSERTION and index in rewrite.spelled):
+                raise motions.blocks[index].refuse(
+                    f"the move must be written in {len(cuts[row]) + 1} segments to stay within the tolerance, and "
+                    f"{reason}"
+                )
+        return cuts
+
+    def _refuse_unknown(self, motions: Motions, rows: NDArrayBool) -> None:
+        """Refusal for a move of axes whose coordinates in this frame the program has not given."""
+        linear = list(self._machine.translators)
+        wanted = (np.abs(motions.target - motions.start) > STANDS_MM)[:, linear]
+        for row in np.flatnonzero(rows & np.isin(motions.kind, PATHS)).tolist():
+            named = {word.axis for word in motions.words[row]}
+            wanted[row] |= [axis in named for axis in linear]
+        unknown = wanted & (motions.known[:, linear] != Known.PROGRAM) & rows[:, None]
+        unknown &= np.isin(motions.kind, PATHS)[:, None]
+        for row in np.flatnonzero(unknown.any(axis=1)).tolist():
+            names = " ".join(self._machine.names[axis] for axis, each in zip(linear, unknown[row], strict=True) if each)
+            raise motions.blocks[int(motions.block[row])].refuse(
+                f"the conversion moves {names} in this block, and the program has not yet given the positions of all "
+                f"axes in this frame: write {' '.join(self._machine.names)} in it, or before it"
+            )

@@ -1,0 +1,251 @@
+"""`--tcp`: programs of the tool point as positions of the axes, and back; positions and feeds are worked by hand."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+TABLE = (
+    'name = "mill"\nchain = "w C b X Y Z t"\naxes.X = { travel = [-500, 500] }\naxes.Y = { travel = [-500, 500] }\n'
+    'axes.Z = { travel = [-500, 500] }\naxes.C = { travel = [-inf, inf], point = [0, 0, 0], rollover = "as-written" }\n'
+)
+"""A table that turns about Z through the machine zero: X Y of the axes are those of the part, turned back by C."""
+HEAD = (
+    'name = "mill"\nchain = "w b X Y Z B t"\naxes.X = { travel = [-500, 500] }\naxes.Y = { travel = [-500, 500] }\n'
+    "axes.Z = { travel = [-500, 500] }\naxes.B = { travel = [-100, 100], point = [0, 0, 250] }\n"
+)
+"""A head with its pivot 250 mm above the spindle nose: 350 mm above the tip of a tool of 100 mm."""
+OPTIONS = ("--machine", "mill.toml", "--calibration", "none", "--tool-length", "T1=100")
+ISO = "G21 G17 G90 G94 G54\nT1 M6\nG0 {start}\nG43.4 H1 {first}\n{moves}\nG49\nM30\n"
+COARSE = ("--tolerance-um", "1e6")
+
+
+def convert(ncomp, text, *options, machine=TABLE, file="tip.nc", offset="G54=0,0,0", to="to-axes"):
+    """The converted program; the file `out` has its name with `out` in front."""
+    Path("mill.toml").write_text(machine)
+    Path(file).write_text(text)
+    own = [*OPTIONS, "--work-offset", offset]
+    done = ncomp(file, *own, "--tcp", to, *options, "-o", f"out_{file}")
+    if done.status == 0:
+        checked = ncomp("verify", file, f"out_{file}", *own, "--json", "v.json")
+        assert checked.status == 0, checked.err
+    return done, Path(f"out_{file}").read_text() if done.status == 0 else ""
+
+
+def largest():
+    """Largest deviations of the converted program, um: at the ends of moves, and along feed moves."""
+    told = json.loads(Path("v.json").read_text())
+    return told["block_ends_um"]["after"]["max"], told["along_feed_moves_um"]["after"]["max"]
+
+
+def moved(text):
+    """The lines that move, without comments."""
+    lines = (re.sub(r" *\(.*?\)| *;.*", "", line) for line in text.splitlines())
+    return [line for line in lines if re.match(r"(\d+ L|G93|G0|G1|[XYZBC])", line) and re.search("[XYZBC]", line)]
+
+
+def table(moves, start="X0 Y0 Z100 C0", first="X10. Y0 Z100. C0"):
+    return ISO.format(start=start, first=first, moves=moves)
+
+
+# ---- positions and feeds
+
+
+def test_a_table_turns_the_part_back(ncomp):
+    done, text = convert(ncomp, table("G1 Z5. F1000.\nX10. Y0. C9. F360.\nG0 C90."), *COARSE)
+    assert done.status == 0, done.err
+    # 9 degrees: 10 cos 9 = 9.8769, -10 sin 9 = -1.5643; the tool point stands, 9 deg at 360 deg/min: 1/40 min
+    assert "G43 H1 X10.0000 Y0 Z100. C0" in text.replace("X10. ", "X10.0000 ")
+    assert "G93 G1 Z5. F10.5263" in text  # 95 mm at 1000 mm/min
+    assert "X9.8769 Y-1.5643 C9. F40" in text
+    assert moved(text)[-1].startswith("G0 X0.0000 Y-10.0000 C90.") or "X0.0000 Y-10.0000 C90.0000" in text
+    assert largest()[0] < 0.2
+
+
+def test_a_head_moves_about_its_pivot(ncomp):
+    text = table("G1 Z0. F1000.\nG1 X0. Y0. Z0. B90. F900.", start="X0 Y0 Z100 B0", first="X0. Y0. Z100. B0")
+    done, written = convert(ncomp, text, *COARSE, machine=HEAD)
+    assert done.status == 0, done.err
+    # the tool lies along X: the pivot is 350 mm beside the tip, and 250 + 100 mm below its place with the tool upright
+    assert re.search(r"^G1 X350\.0000 Z-350\.0000 B90\.0000 F", written, re.MULTILINE)
+    assert "hold for these tool lengths only: T1 100 mm" in done.err
+    assert largest()[0] < 0.2
+
+
+def test_the_path_stays_within_the_tolerance(ncomp):
+    for tolerance, few in ((1000.0, 1), (10.0, 4)):
+        done, text = convert(ncomp, table("G1 Z5. F1000.\nX90. C30."), "--tolerance-um", tolerance)
+        assert done.status == 0, done.err
+        assert text.count("NCOMP FROM") >= few
+        assert largest()[1] < tolerance
+
+
+def test_with_a_calibration_the_tool_point_is_right(ncomp):
+    text = "G21 G17 G90 G94 G54\nT1 M6\nG0 X0 Y0 Z100. B0 C0\nG43.4 H1 X10. Y20. Z100. B0 C0\nG1 X30. B20. C40. F900.\nM30\n"
+    Path("tip.nc").write_text(text)
+    own = ("--machine", "dmu50", "--work-offset", "G54=0,0,0", "--tool-length", "T1=100")
+    done = ncomp("tip.nc", *own, "--tcp", "to-axes", "--tolerance-um", "4", "-o", "out.nc")
+    assert done.status == 0, done.err
+    checked = json.loads(ncomp("verify", "tip.nc", "out.nc", *own, "--json", "-").out)
+    assert checked["along_feed_moves_um"]["before"]["max"] > 10.0
+    assert checked["along_feed_moves_um"]["after"]["max"] < 4.0
+    assert checked["block_ends_um"]["after"]["max"] < 0.2
+
+
+@pytest.mark.parametrize("family", ["linuxcnc", "fanuc"])
+def test_scaled_feeds(ncomp, family):
+    """X 10 to 30 in 0.1 min, C by 10 degrees: F counts X Y Z on LinuxCNC, the degrees too on FANUC."""
+    machine = f'{TABLE}\n[control]\nfamily = "{family}"\n'
+    if family == "linuxcnc":  # TCP is that of the kinematics there
+        machine += "tcp_at_start = true\n"
+    text = table("G1 Z5. F1000.\nX30. C10. F200.\nX40.")
+    if family == "linuxcnc":
+        text = text.replace("G43.4 H1 ", "").replace("T1 M6\n", "T1 M6\nG43 H1\n")
+    done, written = convert(ncomp, text, *COARSE, "--tcp-feed", "scaled", machine=machine)
+    assert done.status == 0, done.err
+    assert "G93" not in written
+    number = float(re.search(r"C10\..*? F([\d.]+)", written)[1])
+    straight = ((30 * 0.984807753 - 10) ** 2 + (30 * 0.173648178) ** 2) ** 0.5
+    wanted = straight if family == "linuxcnc" else (straight**2 + 100.0) ** 0.5
+    assert number == pytest.approx(wanted / 0.1, rel=1e-4)
+    assert re.search(r"^X39\.3923 Y-6\.9459.* F200\.?$", written, re.MULTILINE)  # F of the program again
+
+
+# ---- dialects
+
+SIEMENS = (
+    "G17 G90 G71 G94 G54\nT1 D1 M6\nG0 X0 Y0 Z100 C0\nTRAORI\nG0 X10 Y0 Z100 C0\nG1 Z5 F1000\nX10 Y0 C9 F360\nTRAFOOF\n"
+    "SUPA G0 Z300 D0\nM30\n"
+)
+KLARTEXT = (
+    "0 BEGIN PGM K MM\n1 TOOL CALL 1 Z S1000\n2 L X+0 Y+0 Z+100 C+0 R0 FMAX\n{on}4 L X+10 Y+0 Z+100 C+0 FMAX\n"
+    "5 L Z+5 F1000 M8\n6 L X+10 Y+0 C+9 F360\n{off}8 L Z+300 FMAX M91\n9 M30\n10 END PGM K MM\n"
+)
+
+
+def test_siemens(ncomp):
+    done, text = convert(ncomp, SIEMENS, *COARSE, file="tip.mpf")
+    assert done.status == 0, done.err
+    assert "TRAORI" not in text
+    assert "\nX9.8769 Y-1.5643 C9 F40" in text
+    assert "\nG94 F360 ; NCOMP FEED\nM30\n" in text or "\nG94 F360 ; NCOMP FEED\n" in text
+
+
+@pytest.mark.parametrize(("on", "off"), [
+    ("3 M128 F5000\n", "7 M129\n"), ("3 FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS\n", "7 FUNCTION RESET TCPM\n"),
+])  # fmt: skip
+def test_klartext(ncomp, on, off):
+    done, text = convert(ncomp, KLARTEXT.format(on=on, off=off), *COARSE, file="tip.h", offset="0=0,0,0")
+    assert done.status == 0, done.err
+    assert not re.search(r"^\d+ (M128|M129|FUNCTION)", text, re.MULTILINE)
+    # the path of X Y is 2 * 10 sin 4.5 = 1.5692 mm long, and takes 1/40 min
+    assert re.search(r"L X\+9\.8769 Y-1\.5643 C\+9 F62\.76\d*\n", text)
+    assert largest()[0] < 0.2
+
+
+def test_tool_vectors_become_positions(ncomp):
+    text = SIEMENS.replace("X10 Y0 C9 F360", "X10 Y0 Z6 A3=0 B3=0.6 C3=0.8").replace("C0", "B0 C0")
+    Path("v.mpf").write_text(text)
+    own = ("--machine", "dmu50", "--calibration", "none", "--work-offset", "G54=0,0,0", "--tool-length", "T1=100")
+    done = ncomp("v.mpf", *own, "--tcp", "to-axes", "--tolerance-um", "1e6", "-o", "out.mpf")
+    assert done.status == 0, done.err
+    written = Path("out.mpf").read_text()
+    assert "A3" not in written
+    assert re.search(r"X\S+ Y\S+ Z\S+ B\d+\.\d+ C\S+ F", written)
+    checked = json.loads(ncomp("verify", "v.mpf", "out.mpf", *own, "--json", "-").out)
+    assert checked["block_ends_um"]["after"]["max"] < 3.0  # with the rounding of the tool's direction
+
+
+# ---- the other way
+
+AXES = {
+    "iso": ("ax.nc", "G21 G17 G90 G94 G54\nT1 M6\nG0 X0 Y0 Z200. C0\nG43 H1 X10. Y0 Z100. C0\nG93 G1 X0. Y-10. C90. F4.\nG49\nM30\n"),
+    "siemens": ("ax.mpf", "G17 G90 G71 G94 G54\nT1 D1 M6\nG0 X10 Y0 Z100 C0\nG93 G1 X0 Y-10 C90 F4\nSUPA G0 Z300 D0\nM30\n"),
+    "klartext": ("ax.h", "0 BEGIN PGM K MM\n1 TOOL CALL 1 Z S1000\n2 L X+10 Y+0 Z+100 C+0 R0 FMAX\n"
+                         "3 L X+0 Y-10 C+90 F360\n4 L Z+300 R0 FMAX M91\n5 M30\n6 END PGM K MM\n"),
+}  # fmt: skip
+SWITCHES = {"iso": ("G43.4 H1", "G49"), "siemens": ("TRAORI\n", "TRAFOOF\nSUPA"), "klartext": ("M128\n", "M129\n")}
+
+
+@pytest.mark.parametrize("dialect", AXES)
+def test_positions_of_the_axes_as_the_tool_point(ncomp, dialect):
+    file, text = AXES[dialect]
+    offset = "0=0,0,0" if dialect == "klartext" else "G54=0,0,0"
+    done, written = convert(ncomp, text, "--tolerance-um", "500", file=file, offset=offset, to="to-tcp")
+    assert done.status == 0, done.err
+    on, off = (written.index(word) for word in SWITCHES[dialect])
+    assert on < written.index("NCOMP FROM") < off
+    # the chord of the axes passes the centre at 10 cos 45: the part sees a loop that ends where it began
+    last = [line for line in written[:off].splitlines() if re.search(r"C\+?90", line)][-1]
+    assert re.search(r"X\+?10\.0000 Y[+-]?0\.0000", last)
+    assert largest()[1] < 500.0
+
+
+def test_there_and_back_with_a_real_program(ncomp, nc_data):
+    lines = (nc_data / "iso" / "five_axis_ac" / "impeller-7bl-xyzac.ngc").read_text().splitlines()[:400]
+    machine = (Path(__file__).parents[1] / "machines" / "trunnion_ac.toml").read_text()
+    machine = machine.replace("[axes.C]", '[axes.C]\nrollover = "as-written"')
+    machine = machine.replace('"trunnion_ac"', '"mill"') + '\n[control]\ntcp_at_start = true\nfamily = "linuxcnc"\n'
+    Path("mill.toml").write_text(machine)
+    Path("tip.ngc").write_text("\n".join([*lines, "M30", ""]))
+    own = ("--machine", "mill.toml", "--calibration", "none", "--set-up-zero")
+    out = ("--no-travel-check", "--tolerance-um", "10")
+    there = ncomp("tip.ngc", *own, *out, "--tcp", "to-axes", "-o", "axes.ngc")
+    assert there.status == 0, there.err
+    back = ncomp("axes.ngc", *own, *out, "--tcp", "to-tcp", "--force", "-o", "back.ngc")
+    assert back.status == 0, back.err
+    for file, most in (("axes.ngc", 5.0), ("back.ngc", 0.5)):
+        told = json.loads(ncomp("verify", "tip.ngc", file, *own, "--json", "-").out)
+        assert told["moves"] > 350
+        assert told["along_feed_moves_um"]["after"]["max"] < most
+
+
+# ---- notes and refusals
+
+
+def test_a_singular_position_is_named(ncomp):
+    text = (
+        "G21 G17 G90 G94 G54\nT1 M6\nG0 X0 Y0 Z100. B0 C0\nG43.4 H1 X10. Y20. Z100. B0.1 C0\nG1 C170. B0.1 F900.\nM30\n"
+    )
+    Path("tip.nc").write_text(text)
+    done = ncomp("tip.nc", "--machine", "dmu50", "--calibration", "none", "--work-offset", "G54=0,0,0",
+                 "--tool-length", "T1=100", "--tcp", "to-axes", *COARSE, "-o", "out.nc")  # fmt: skip
+    assert done.status == 0, done.err
+    assert re.search(
+        r"near a singular position: C turns 170\.0 degrees while the tool tilts 0\.\d+ \(line 5\)", done.err
+    )
+
+
+REFUSED = {
+    "no TCP": ("G21 G90 G17 G94 G54\nG0 X1 Y1 Z1 C0\nM30\n", (), "nothing to convert"),
+    "arc": (table("C30.\nG1 Z5. F100.\nG2 X20. Y0 I5. J0"), (), "the arc would not lie in a plane of the axes"),
+    "half a turn": (table("G1 Z5. F100.\nC200."), (), None),
+    "no feed": (table("G1 Z5. C5."), (), "the feed of this move is not known"),
+    "family": (table("G1 Z5. C5. F100."), ("--tcp-feed", "scaled"), "controls differ in the meaning of F"),
+    "rotated": (table("G1 Z5. F100.").replace("G43.4", "G68 X0 Y0 R30.\nG43.4"), (), "while the coordinates are rotated"),
+    "unknown position": ("G21 G17 G90 G94 G54\nT1 M6\nG43.4 H1\nG1 X5. C5. F100.\nM30\n", (), "given the positions of all"),
+    "travel": (table("G1 Z5. F100.\nX600. C1."), (), "outside its travel"),
+    "travel between": (table("G1 Z5. F100.\nX480. Y300. C0\nC80."), (), "outside its travel"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(ncomp, name):
+    text, options, words = REFUSED[name]
+    done, _ = convert(ncomp, text, *COARSE, *options)
+    if words is None:  # the machine file states how C counts
+        assert done.status == 0, done.err
+        done, _ = convert(ncomp, text, *COARSE, machine=TABLE.replace(', rollover = "as-written"', ""))
+        words = 'write rollover = "as-written" or "shortest"'
+        Path("out_tip.nc").unlink()
+    assert done.status == 2, done.err
+    assert words in done.err
+    assert not Path("out_tip.nc").exists()
+
+
+def test_klartext_has_no_inverse_time(ncomp):
+    text = KLARTEXT.format(on="3 M128\n", off="7 M129\n")
+    done, _ = convert(ncomp, text, "--tcp-feed", "inverse-time", file="tip.h", offset="0=0,0,0")
+    assert done.status == 2
+    assert "Klartext has no G93" in done.err
