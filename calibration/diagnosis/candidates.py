@@ -17,6 +17,7 @@ import numpy as np
 from scipy import linalg
 
 from calibration.diagnosis.dictionary import Dictionary, single
+from calibration.diagnosis.forms import displacements
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
@@ -177,6 +178,16 @@ class Candidates:
             return np.zeros(0)
         block = np.arange(len(terms)), np.concatenate([term.columns for term in terms], axis=2)
         return self._odds(list(_grouped(self.structure, self.present, terms, [block])), terms, without)
+
+    @cached_property
+    def displacements(self) -> list[Term]:
+        """Whole displacements whose components are candidates."""
+        return list(displacements(self.terms))
+
+    def whole(self, without: Collection[int]) -> list[Term]:
+        """Those of which no component is present, but for terms of some numbers."""
+        present = {term.family for number, term in enumerate(self.structure.terms) if number not in without}
+        return [each for each in self.displacements if not any(part.family in present for part in each.parts)]
 
     def members(self, family: Hashable) -> list[Term]:
         """The candidates of a family."""

@@ -71,6 +71,41 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
     )
 
 
+def displacements(terms: Sequence[Term]) -> Iterator[Term]:
+    """Terms of whole displacements: causes in X, Y and Z of the tool or the workpiece that are equal but for this.
+
+    One that is hidden by another cause in each single direction is seen as a whole.
+    """
+    courses: dict[Effect, list[Term]] = {}
+    for term in terms:
+        if not term.named or len(term.effects) != 1:
+            continue
+        (effect,) = term.effects
+        if not effect.axes and getattr(effect, "component", "") in ("X", "Y", "Z"):
+            courses.setdefault(msgspec.structs.replace(effect, component="X"), []).append(term)
+    for parts in courses.values():
+        if len(parts) > 1:
+            yield _displacement(parts)
+
+
+def _displacement(parts: Sequence[Term]) -> Term:
+    """The term of some components of one displacement."""
+    first = parts[0]
+
+    def make() -> Array:
+        return np.concatenate([part.make() for part in parts], axis=2)
+
+    def finer() -> list[Term]:
+        each = (part.finer() for part in parts if part.finer is not None)
+        return [_displacement(some) for some in zip(*each, strict=True)]
+
+    name = f"{first.kind} {'+'.join(str(part.where) for part in parts)}"
+    width = sum(part.width for part in parts)
+    effects = tuple(effect for part in parts for effect in part.effects)
+    family, prior = (first.kind, "any direction"), first.log_prior
+    return Term(name, first.kind, family, make, width, effects, log_prior=prior, finer=finer, parts=tuple(parts))
+
+
 def reversals(observations: Observations) -> Iterator[Term]:
     """Terms of differences of error motions between forward and backward, of axes that are observed one at a time.
 

@@ -9,7 +9,7 @@ and noise found again, since sizes that were found without a cause speak against
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -129,7 +129,7 @@ class Search:
                 continue
             self._tried.add(_key(move.terms))
             self._progress(f"{move.name} ({move.rise:.1f})")
-            found = structure.with_terms(move.terms).fitted(STEPS)
+            found = structure.with_terms(parts_of(move.terms)).fitted(STEPS)
             if worth(found) > worth(structure):
                 return found
         return None
@@ -140,7 +140,7 @@ class Search:
         None where none is likelier. A few of the likeliest are tried.
         """
         found = []
-        for terms in (*_doubtful_causes(candidates), *_doubtful_exchanges(candidates)):
+        for terms in map(parts_of, (*_doubtful_causes(candidates), *_doubtful_exchanges(candidates))):
             if _key(terms) not in self._tried:
                 self._tried.add(_key(terms))
                 found.append(candidates.structure.with_terms(terms).with_sizes(STEPS))
@@ -269,15 +269,15 @@ def _changes(candidates: Candidates) -> Iterator[Move]:
             if odds > max(own, PRESENT) + margin:
                 yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
         if term.width >= PARTS and term.named:
-            parts, joint = _parts(candidates, number)
+            parts, joint = _parts(candidates, (number,))
             if len(parts) > 1 and joint > own + margin + PRESENT * (len(parts) - 1):
                 split = joint - own - PRESENT * (len(parts) - 1)
                 yield Move(split, f"split {term.name}", (*rest, *parts))
-    yield from _merged(candidates)
+    yield from _regrouped(candidates)
 
 
-def _merged(candidates: Candidates) -> Iterator[Move]:
-    """One term in the place of two."""
+def _regrouped(candidates: Candidates) -> Iterator[Move]:
+    """One term, or several others, in the place of two."""
     terms = candidates.structure.terms
     for one in range(len(terms)):
         for other in range(one):
@@ -288,6 +288,11 @@ def _merged(candidates: Candidates) -> Iterator[Move]:
                 if odds > joint + RISE + ROUNDING * abs(joint):
                     name = f"merge {terms[one].name} and {terms[other].name} to {rival.name}"
                     yield Move(odds - joint, name, (*rest, rival))
+            if terms[one].named and terms[other].named and terms[one].width + terms[other].width > PARTS:
+                parts, odds = _parts(candidates, (one, other))
+                rise = odds - joint - PRESENT * (len(parts) - 1)
+                if len(parts) > 1 and rise > RISE + ROUNDING * abs(joint):
+                    yield Move(rise, f"split {terms[one].name} and {terms[other].name}", (*rest, *parts))
 
 
 def _periodic(candidates: Candidates, without: Sequence[int]) -> Iterator[tuple[float, Term]]:
@@ -324,6 +329,16 @@ def _likeliest(
             yield max(odds, own), better
         else:
             yield odds, term
+    if whole := candidates.whole(without):
+        each = candidates.exact(whole, without)
+        best = int(np.argmax(each))
+        better, own = refined(candidates, whole[best], float(each[best]), without)
+        yield own - PRESENT * (len(better.parts) - 1), better
+
+
+def parts_of(terms: Sequence[Term]) -> tuple[Term, ...]:
+    """The terms, with the components of whole displacements in the place of these."""
+    return tuple(part for term in terms for part in term.parts or (term,))
 
 
 def refined(
@@ -340,12 +355,12 @@ def refined(
     return term, odds
 
 
-def _parts(candidates: Candidates, number: int) -> tuple[list[Term], float]:
-    """Several terms, one after the other, in the place of one; and their log odds together."""
+def _parts(candidates: Candidates, numbers: Collection[int]) -> tuple[list[Term], float]:
+    """Several terms, one after the other, in the place of those of some numbers; and their log odds together."""
     structure = candidates.structure
-    families: Families = candidates.by_family(candidates.odds((number,)))
+    families: Families = candidates.by_family(candidates.odds(numbers))
     short = [candidates.terms[best] for _, best in sorted(families.values(), key=lambda each: -each[0])[:SHORT]]
-    rest = tuple(term for i, term in enumerate(structure.terms) if i != number)
+    rest = tuple(term for i, term in enumerate(structure.terms) if i not in numbers)
     parts: list[Term] = []
     joint = 0.0
     while len(parts) < PARTS:

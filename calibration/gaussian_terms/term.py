@@ -35,6 +35,8 @@ class Term:
     """Log odds of its presence before the data."""
     finer: Callable[[], Sequence[Term]] | None = None
     """Members of its family between its neighbours: other time constants, moments, periods; None where it has none."""
+    parts: tuple[Term, ...] = ()
+    """Terms that are present in its place: components of a displacement, which are found together; empty for most."""
 
     @cached_property
     def columns(self) -> Array:
