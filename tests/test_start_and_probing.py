@@ -206,3 +206,42 @@ def test_a_turn_the_long_way_is_noted(tmp_path):
     said = " ".join(succeed(*line).shown.split())
     assert "C turns by 350 degrees in a feed move, and the shortest way would be 10 degrees back" in said
     assert said.count("check that the move is meant (line 3)") == 1
+
+
+GUD = "%_N_UGUD_DEF\n;$PATH=/_N_DEF_DIR\nDEF CHAN REAL LAYER[2]\nDEF NCK SYNR INT COUNT = 7 ; parts\nM17\n"
+
+
+def test_variables_of_the_control(tmp_path):
+    """A GUD is known where the program has set it, also in a subprogram, whatever its first value."""
+    (tmp_path / "ugud.def").write_text(GUD)
+    text = "G90 G0 X0 Y0 Z5\nLAYER[1]=4\nCOUNT=2.6\nPART\nM30\n%_N_PART_SPF\nG1 X=LAYER[1] Y=COUNT F100\nM17\n"
+    found = places(text, "siemens", definitions=[tmp_path / "ugud.def"])
+    assert found[-1] == [104.0, 203.0, 5.0]
+    for bad, reason in {
+        "G90 G0 X=LAYER[0]\n": r"LAYER\[0\] has a value on the control, which is not known",
+        "LAYER[2]=5\n": r"LAYER\[2\] is no element of LAYER\[2\]",
+        "LAYERS=5\n": "definitions= gives the variables of the control",
+    }.items():
+        with pytest.raises(UserError, match=reason):
+            places(bad, "siemens", definitions=[tmp_path / "ugud.def"])
+
+
+def test_files_of_definitions(tmp_path):
+    (tmp_path / "a.mpf").write_text("G90 G71 G17 G54\nLAYER[1]=4\nG0 X=LAYER[1] Y0 Z0\nM30\n")
+    (tmp_path / "ugud.def").write_text(GUD)
+    line = (tmp_path / "a.mpf", "--machine", "gantry", "--set-up-zero", "--no-travel-check", "--calibration", "none")
+    succeed(*line, "--definitions", tmp_path / "ugud.def", "-o", tmp_path / "b.mpf")
+    job = 'machine = "gantry"\ncalibration = "none"\nset_up_zero = true\ndefinitions = ["ugud.def"]\n'
+    (tmp_path / "job.toml").write_text(job + '[programs]\n"a.mpf" = "c.mpf"\n[correction]\ntravel_check = false\n')
+    succeed(tmp_path / "job.toml")
+    assert (tmp_path / "c.mpf").read_bytes() == (tmp_path / "a.mpf").read_bytes()
+    for bad, reason in {
+        "G1 X5": "expected DEF CHAN REAL NAME",
+        "DEF CHAN REAL": "is not",
+        "DEF CHAN REAL R": "address",
+    }.items():
+        (tmp_path / "ugud.def").write_text(bad + "\n")
+        said = " ".join(refusal(*line, "--definitions", tmp_path / "ugud.def").split())
+        assert "ugud.def:1" in said
+        assert reason in said
+    assert "none.def" in refusal(*line, "--definitions", tmp_path / "none.def")

@@ -11,6 +11,7 @@ from typing import Generic, NamedTuple, TypeVar
 import msgspec
 
 from kinematics.error_model.model import ErrorModel
+from kinematics.files import read_input
 from kinematics.files.mistaken import missing
 from kinematics.machine import EVERY_OTHER, Machine, Probing
 from kinematics.touch_off import Datum, read_datum
@@ -84,6 +85,8 @@ class Setup(Shown, msgspec.Struct, frozen=True):
     """What the program's probing moves and cycles change."""
     pass_through: frozenset[str] = frozenset()
     """Constructs unknown to ncomp that pass unchanged, in capitals without blanks: G234, CYCLE977, FN33, CYCLDEF444."""
+    definitions: tuple[tuple[str, str], ...] = ()
+    """Siemens: files of definitions of variables that the control has (GUD), by name and text."""
     subprograms: tuple[str, ...] = ()
     """Folders of programs that a program may call, in addition to its own folder."""
 
@@ -213,8 +216,8 @@ def parse_tool_length(text: str) -> tuple[str, float]:
     return tool_key(number) if is_number(number) else name, given_number(value, f"--tool-length {text}")
 
 
-def _refuse_other_axes(table: ToolTable, machine: Machine) -> None:
-    """UserError for a work offset of an axis that the machine lacks."""
+def _of_machine(table: ToolTable, machine: Machine) -> ToolTable:
+    """The table; UserError for a work offset of an axis that the machine lacks."""
     for name, values in table.work_offsets.items():
         for axis, value in values.items():
             if axis not in machine.names and value:
@@ -222,6 +225,7 @@ def _refuse_other_axes(table: ToolTable, machine: Machine) -> None:
                     f"tool table: work offset {name}, {axis} = {value:g}: machine {machine.name} has no axis "
                     f"{axis}: give the table of this machine, or delete the value"
                 )
+    return table
 
 
 def make_setup(
@@ -238,10 +242,10 @@ def make_setup(
     probing: Probing = "",
     pass_through: Iterable[str] = (),
     subprograms: Iterable[str | Path] = (),
+    definitions: Iterable[str | Path] = (),
 ) -> Setup:
     """The setup from the options of the command line and a tool table; work offsets are true unless `probed`."""
-    table = table or ToolTable()
-    _refuse_other_axes(table, machine)
+    table = _of_machine(table or ToolTable(), machine)
     given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
     lengths = _lengths(tool_lengths)
     return Setup(
@@ -262,6 +266,7 @@ def make_setup(
         probing=probing or machine.control.probing,
         pass_through=frozenset(map(construct, (*machine.control.pass_through, *pass_through))),
         subprograms=tuple(map(_folder, subprograms)),
+        definitions=_texts(definitions),
     )
 
 
@@ -279,6 +284,12 @@ def _without_unit(table: ToolTable, lengths: Container[str], offsets: Container[
         for name, path in table.without_unit.items()
         if name.removeprefix("tool ") not in lengths and name.removeprefix("offset ") not in offsets
     }
+
+
+def _texts(paths: Iterable[str | Path]) -> tuple[tuple[str, str], ...]:
+    """The names and texts of files."""
+    read = ((str(path), read_input(Path(path), "definitions").decode("latin-1")) for path in paths)
+    return tuple((name, text.removeprefix("\xef\xbb\xbf")) for name, text in read)
 
 
 def _folder(name: str | Path) -> str:

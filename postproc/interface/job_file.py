@@ -45,6 +45,7 @@ class _Content(msgspec.Struct, forbid_unknown_fields=True):
     probing: Literal["beside"] | None = None
     pass_through: tuple[str, ...] = ()
     subprograms: tuple[str, ...] = ()
+    definitions: tuple[str, ...] = ()
     work_offsets: Offsets = {}
     tools: dict[str, Any] = {}
     conditions: dict[str, Any] = {}
@@ -251,6 +252,7 @@ class _Reader:
             "probing": content.probing,
             "pass_through": content.pass_through,
             "subprograms": tuple(self._here(name) for name in content.subprograms),
+            "definitions": tuple(self._file(name, "definitions") for name in content.definitions),
         }
 
     def _programs(self) -> Iterator[FolderProgram]:

@@ -49,18 +49,18 @@ def set_up(
     probing: Literal["beside"] | None = None,
     pass_through: Iterable[str] = (),
     subprograms: Iterable[str | Path] = (),
+    definitions: Iterable[str | Path] = (),
 ) -> Setup:
     """The work offsets, mm and degrees, and the tool lengths, mm, of the control when a program starts.
 
     work_offset: `G54=x,y,z`, or by name: `{"G54": (-30, -20, 150)}`, `{"G54": {"X": -30, "C": 90}}`; tool_length:
     `T1=mm` or `{"T1": 80}`; tool_table: tables of a control; table_unit: unit of the lengths in tables that do not
-    state it, by default that of the machine file, or mm; datum: how an offset was obtained,
-    `G54=probed` (the default) or `G54=true`; zero: offsets and lengths that are not given are zero; block_skip: `on`,
-    blocks with a slash do not run, or `off`; start: where the tool stands when the program starts, `X0,Y0,Z5`; probing:
-    `beside`, what probing moves and cycles find changes no coordinate of the contour; pass_through: constructs unknown
-    to ncomp that pass unchanged (`G234`); subprograms: folders of programs that a program may call, besides its own.
-
-    UserError for an axis that the machine does not have, a value that is no number, and a table that cannot be read.
+    state it, by default that of the machine file, or mm; datum: how an offset was obtained, `G54=probed` (the default)
+    or `G54=true`; zero: offsets and lengths that are not given are zero; block_skip: `on`, blocks with a slash do not
+    run, or `off`; start: place of the tool at the start, `X0,Y0,Z5`; probing: `beside`, no coordinate depends on it;
+    pass_through: unknown constructs that pass unchanged; subprograms: folders of programs that a program may call,
+    besides its own; definitions: files that define variables of a Siemens control. UserError for an axis that the
+    machine does not have, a value that is no number, and a table that cannot be read.
 
     >>> set_up("dmu50", work_offset=["G54=-30,-20,150"]).work_offsets["G54"]["X"]
     -30.0
@@ -70,11 +70,11 @@ def set_up(
     from postproc.control_data.tool_tables import read_tool_tables
 
     found = load_machine(machine)
-    tables = read_tool_tables([Path(path) for path in tool_table], table_unit or found.control.unit)
-    passing = [name for text in pass_through for name in text.split(",") if name.strip()]
+    tables = read_tool_tables(map(Path, tool_table), table_unit or found.control.unit)
     stated: dict[str, Any] = {"block_skip": block_skip or "", "start": start or "", "probing": probing or ""}
-    given = texts(work_offset), texts(tool_length), tables, texts(datum)
-    return make_setup(found, *given, probed=True, zero=zero, **stated, pass_through=passing, subprograms=subprograms)
+    passing = [name for text in pass_through for name in text.split(",") if name.strip()]
+    stated |= {"zero": zero, "pass_through": passing, "subprograms": subprograms, "definitions": definitions}
+    return make_setup(found, texts(work_offset), texts(tool_length), tables, texts(datum), probed=True, **stated)
 
 
 @public

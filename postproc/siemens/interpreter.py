@@ -38,6 +38,7 @@ from postproc.siemens.cycles import check_tolerance_cycle, read_cycle, run_modal
 from postproc.siemens.modal_state import ModalState, SavedModes
 from postproc.siemens.polar import POLAR
 from postproc.siemens.reading.calls import ends, saves_modes
+from postproc.siemens.reading.definitions import define_all
 from postproc.siemens.tools import take_functions
 from postproc.siemens.variables import EMPTY, SiemensVariables
 from postproc.siemens.words import Content, check, plain_of, sort
@@ -61,6 +62,8 @@ class SiemensInterpreter(Interpreter):
     def __init__(self, machine: Machine, setup: Setup, notes: Notes) -> None:
         control, scope = machine.control, SiemensVariables()
         scope.passive, scope.basic_unit_is_inch = frozenset(control.passive_axes), control.unit == "inch"
+        for name, text in setup.definitions:
+            define_all(scope, name, text)
         super().__init__(Channel(notes, ModalState(ControlState(setup)), scope))
         self._saved: list[SavedModes] = []
         """Modes that subprograms with SAVE found, the last one last."""

@@ -145,6 +145,8 @@ class SiemensVariables:
     operations: Operations = field(default_factory=lambda: OPERATIONS)
     shared: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
     levels: list[_Level] = field(default_factory=lambda: [_Level()])
+    of_control: _Level = field(default_factory=_Level)
+    """Variables that the control has (GUD), by the definitions that the user gives."""
     data: ControlData = field(default_factory=ControlData)
     passed: dict[int, tuple[str, tuple[Value, ...]]] = field(default_factory=dict)
     """Variables among the arguments of the call that runs next."""
@@ -158,12 +160,17 @@ class SiemensVariables:
         """Subprograms in one another."""
         return len(self.levels) - 1
 
+    def _of(self, name: str) -> _Level:
+        """Where a variable belongs: to the program that runs, unless only the control has it."""
+        here = self.levels[-1]
+        return self.of_control if name in self.of_control.kinds and name not in here.kinds else here
+
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
         """The value of a variable; the name of an axis alone is its own value."""
         shown = name + (f"[{', '.join(map(_shown, indices))}]" if indices and name != "R" else "")
         if name == "R" and indices:
             shown = f"R{_shown(indices[0])}"
-        here = self.levels[-1]
+        here = self._of(name)
         if name in CONSTANTS and not indices:
             return CONSTANTS[name]
         if name in MACHINING and name not in here.kinds:
@@ -175,6 +182,8 @@ class SiemensVariables:
         if name in NAMES and not indices and name not in here.kinds:
             return name
         value = (self.shared if name == "R" else here.values).get((name, _whole_indices(indices)))
+        if value is None and here is self.of_control:
+            raise NotKnown(f"{shown} has a value on the control, which is not known to ncomp: set it in the program")
         if value is None and any(name in level.kinds for level in self.levels[:-1]):
             raise NotKnown(
                 f"{shown} belongs to the calling program, and only some controls read it here: write it as a parameter"
@@ -198,10 +207,11 @@ class SiemensVariables:
             raise NotKnown(
                 f"{name} belongs to the control, and its effect is not known to ncomp: remove the assignment"
             )
-        here = self.levels[-1]
+        here = self._of(name)
         if name != "R" and name not in here.kinds:
             raise NotKnown(
-                f"{name} is neither a declared variable nor an axis: write DEF, or passive_axes in the machine file"
+                f"{name} is neither a declared variable nor an axis: write DEF, or passive_axes in the machine file; "
+                "--definitions gives the variables of the control"
             )
         at, sizes = _whole_indices(indices), here.sizes.get(name)
         if sizes == () and at and here.kinds[name] == "STRING":
@@ -226,7 +236,7 @@ class SiemensVariables:
         if name == "R":
             (first,) = _whole_indices(indices)
             return max(*(at[0] + 1 - first for _, at in self.shared), 0, 0)
-        sizes = self.levels[-1].sizes.get(name, ())
+        sizes = self._of(name).sizes.get(name, ())
         at = (*_whole_indices(indices), *(0 for _ in sizes))[: len(sizes)]
         return math.prod(sizes) - sum(i * math.prod(sizes[level + 1 :]) for level, i in enumerate(at))
 
@@ -243,7 +253,7 @@ class SiemensVariables:
             raise NotKnown(
                 f"{_named(name, at)} has fewer elements behind it than the list has values: correct the list"
             )
-        sizes = self.levels[-1].sizes.get(name, ())
+        sizes = self._of(name).sizes.get(name, ())
         first = math.prod(sizes) - self.elements_behind(name, indices)
         return list(itertools.islice(itertools.product(*map(range, sizes)), first, first + count))
 
@@ -254,7 +264,7 @@ class SiemensVariables:
 
     def lose(self, name: str, variable: Variable) -> None:
         """Mark a variable, all elements of an array, as unknown: a function or procedure of a name may set it."""
-        for values in (self.shared, self.levels[-1].values):
+        for values in (self.shared, self.levels[-1].values, self.of_control.values):
             for key in values:
                 if key[0] == variable.name:
                     values[key] = NotKnown(f"{name} may write a result there")
@@ -262,11 +272,16 @@ class SiemensVariables:
     @property
     def state(self) -> object:
         """The values of all variables, and the data of the control that the program has set."""
-        return self.shared, self.levels, self.data
+        return self.shared, self.levels, self.of_control, self.data
 
     def forget(self, reason: str) -> None:
-        """Mark the R parameters as unknown."""
+        """Mark the R parameters, and the variables of the control, as unknown."""
         self.shared = dict.fromkeys(self.shared, NotKnown(reason))
+        self.of_control.values = dict.fromkeys(self.of_control.values, NotKnown(reason))
+
+    def define(self, kind: str, name: str, sizes: Sequence[int]) -> None:
+        """A variable of the control (GUD), which all programs share, with a value that nothing states."""
+        self.of_control.kinds[name], self.of_control.sizes[name] = kind, tuple(sizes)
 
     def declare(self, kind: str, name: str, sizes: Sequence[int], values: Sequence[Value | NotKnown | None]) -> None:
         """A new variable, with first values in the order of its elements, last index first."""

@@ -90,6 +90,9 @@ class SetUpOptions(ToolOptions):
         "NAME,...",
     )
 
+    definitions: tuple[Path, ...] = option(
+        "File that defines variables of a Siemens control (GUD): `DEF CHAN REAL LAYER[3]`.", "FILE", reads=True
+    )
     subprograms: str | None = option(
         "Folders of programs that the program calls, in addition to its own folder.", "DIR,..."
     )
@@ -104,6 +107,7 @@ class SetUpOptions(ToolOptions):
             "probing": self.probing,
             "pass_through": self.passing,
             "subprograms": tuple((self.subprograms or "").split(",")) if self.subprograms is not None else (),
+            "definitions": self.definitions,
         }
         return super().arguments | own
 
