@@ -174,8 +174,9 @@ class Flow:
     def run(self, reader: Reader) -> Iterator[tuple[int, Block]]:
         """Blocks in the order in which they run, with their indices; each is read before the next is taken."""
         at, ran = 0, 0
-        while not self.listing.at_end(at):
-            block = self.blocks[at]
+        blocks, ends = self.blocks, self.listing.ends
+        while (at < len(blocks) and at not in ends) or not self.listing.at_end(at):
+            block = blocks[at]
             ran += 1
             if ran > LONGEST:
                 raise block.refuse(f"the program does not end within {LONGEST} blocks: check its loops and jumps")

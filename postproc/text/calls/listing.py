@@ -67,20 +67,20 @@ class Listing:
         self._labelled: dict[str, list[int]] = {}
         self._firsts: list[int] = []
         """The first block of each file."""
-        self._gaps: set[int] = set()
+        self.ends: set[int] = set()
         """Blocks that stand for the end of a file."""
         self._take(0)
 
     @property
     def several(self) -> bool:
         """True if the program has called another file."""
-        return bool(self._gaps)
+        return bool(self.ends)
 
     def at_end(self, at: int) -> bool:
         """True behind the main program; Refusal behind a subprogram without a statement that ends it."""
-        if at < len(self.blocks) and at not in self._gaps:
+        if at < len(self.blocks) and at not in self.ends:
             return False
-        if self._gaps and at <= len(self.blocks) and self._file(at) > 0:
+        if self.ends and at <= len(self.blocks) and self._file(at) > 0:
             raise self.blocks[at - 1].refuse(f"the subprogram has no end: {self.files.end}")
         return True
 
@@ -104,7 +104,7 @@ class Listing:
             return self._one(found, name, "the file") + 1
         first = self.files.first_block(name, at)
         if first > len(self._programs):
-            self._gaps.add(len(self._programs))
+            self.ends.add(len(self._programs))
             self._programs.append(-1)
             self._take(first)
             self._taken(first)
