@@ -154,3 +154,25 @@ def _wait(reached, seconds=20.0):
     while not reached():
         assert time.monotonic() < until
         time.sleep(0.05)
+
+
+def test_a_program_that_is_called_by_a_calculated_number_never_gets_the_output_of_another(ncomp, tmp_path):
+    main = "G21 G90 G54 G17\nG0 X100 Y100 Z50\n#1=100\no[#1] call\nM2\n"
+    called = "o100 sub\nG1 X500 Y250 Z-5 F300\no100 endsub\nM2\n"
+    written(tmp_path / "ngc", {"main.ngc": main, "100.ngc": called})
+    done = ncomp("batch", "ngc", "out", *ACCEPTED, "-j", "1", "--json", "all.json")
+    ends = {each["name"]: each for each in json.loads((tmp_path / "all.json").read_text())["programs"]}
+    assert done.status == 2
+    assert sorted(each["state"] == "refused" for each in ends.values()) == [False, True]
+    assert ncomp("ngc/main.ngc", *ACCEPTED, "-o", "set.ngc").status == 0
+    done = ncomp("ngc/100.ngc", *ACCEPTED, "-o", "100.ngc")
+    assert (done.status, "the correction of a program that another one calls ( CALLED BY MAIN.NGC)" in done.err) == (
+        2,
+        True,
+    )
+
+
+def test_a_link_to_itself_hides_no_other_file(ncomp, tmp_path):
+    (tmp_path / "in/iso/loop").symlink_to("loop")
+    assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "made.nc").status == 0
+    assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "made.nc", "--subprograms", "").status == 2

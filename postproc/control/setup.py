@@ -294,7 +294,7 @@ def _texts(paths: Iterable[str | Path]) -> tuple[tuple[str, str], ...]:
 
 def _folder(name: str | Path) -> str:
     """A folder of subprograms; UserError for one that is not there."""
-    if not Path(name).is_dir():
+    if not str(name) or not Path(name).is_dir():
         why = "this is a file: give its folder" if Path(name).is_file() else f"No such folder{missing(name)}"
         raise UserError(f"--subprograms {name or repr('')}: {why}")
     return str(name)

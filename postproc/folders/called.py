@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinematics.files.inputs import true_path
 from kinematics.user_error import UserError
 from postproc.correct.mark import UNCHANGED, called_by
+from postproc.text.source import ENCODING
 
 if TYPE_CHECKING:
     from postproc.interface.programs import Corrected
 
+CALLED = re.compile(rf"NCOMP [^\n]*({UNCHANGED}(?: BY [^\s)]+)?)[) \t]*\r?$", re.MULTILINE)
+"""The mark of a called program."""
 OTHERWISE = "name an output in another folder, or write the calls out by --unroll"
 
 
@@ -21,6 +25,11 @@ def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
     UserError for one that would replace a program that the correction has read, or a file that is no earlier correction
     for the same main program.
     """
+    if done.job.beside and target.is_file() and (owner := _called_mark(target)):
+        raise UserError(
+            f"{done.job.source.name}: its output {target} is the correction of a program that another one calls "
+            f"({owner}): delete it, or name another output"
+        )
     files = {target.parent / each.name: each for each in done.called}
     read = {true_path(Path(each.source.name)) for each in done.called} | {true_path(Path(done.job.source.name))}
     for path, each in files.items():
@@ -35,6 +44,12 @@ def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
                 f"which is not from an earlier correction of this program: delete it, {OTHERWISE}"
             )
     return {path: each.data for path, each in files.items()}
+
+
+def _called_mark(path: Path) -> str:
+    """The end of the mark of a called program in a file; empty without one."""
+    match = CALLED.search(path.read_bytes().decode(ENCODING))
+    return match[1] if match else ""
 
 
 def _is_replaced(path: Path, data: bytes, done: Corrected) -> bool:

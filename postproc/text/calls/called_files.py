@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -93,17 +94,13 @@ def shown_name(name: str) -> str:
 
 def _entries(folder: Path, name: str | None, *, folders: bool) -> list[Path]:
     """The files or folders of a folder, in the order of their names; `name`: those that have it."""
-    try:
-        with os.scandir(folder) as entries:
-            found = [
-                folder / entry.name
-                for entry in entries
-                if (name is None or entry.name.upper() == name)
-                and entry.name[:1] != "."
-                and (entry.is_dir() if folders else entry.is_file())
-            ]
-    except OSError:
-        return []
+    found = []
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            wanted = entry.name[:1] != "." if name is None else entry.name.upper() == name
+            with suppress(OSError):  # a link to itself
+                if wanted and (entry.is_dir() if folders else entry.is_file()):
+                    found.append(folder / entry.name)
     return sorted(found)
 
 
