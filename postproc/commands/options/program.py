@@ -23,6 +23,9 @@ def _dialect_names() -> list[str]:
 
 
 Program = Annotated[str, argument("NC program; `-` is standard input.", "IN.nc", reads=True)]
+OptionalProgram = Annotated[
+    str | None, argument("NC program; `-` is standard input.", "IN.nc", default=None, reads=True)
+]
 Programs = Annotated[tuple[str, ...], argument("NC program, or several; `-` is standard input.", "IN.nc", reads=True)]
 NoTravelCheck = Annotated[
     bool,

@@ -95,14 +95,18 @@ class ParameterFormat(Format):
 
     def errors_in(self, source: Source) -> list[Effect]:
         """See `Format.errors_in`; the errors are differences from the lines of the machine file."""
+        machine, (moved, name) = source.machine, self.lines_in(source)
+        refuse_far_lines(machine, moved, name)
+        return errors_of_lines(machine, moved if source.value_is == "correction" else reflected(machine, moved))
+
+    def lines_in(self, source: Source) -> tuple[Machine, str]:
+        """The machine with the lines of the files, mm, and the name of the file of parameters."""
         self.freedoms(source.machine, source.settings)
         own, machine = source.in_units(self.unit_beside(source) or source.length_mm, 1.0), source.machine
         named = [name for name in source.unused if not name.endswith(self.file_before)]
         if len(named) != 1:
             raise UserError(f"{self.name}: expected one file of parameters, found {', '.join(named) or 'none'}")
         lines = self.read(own, named[0], with_lengths(machine, 1.0 / own.length_mm))
-        moved = with_lengths(lines, own.length_mm)
-        refuse_far_lines(machine, moved, named[0])
         source.used.update(source.files)
         source.with_unit.update(source.files)  # lines in another unit would be far from those of the machine file
-        return errors_of_lines(machine, moved if source.value_is == "correction" else reflected(machine, moved))
+        return with_lengths(lines, own.length_mm), named[0]
