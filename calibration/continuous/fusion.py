@@ -6,9 +6,10 @@ other one plus a reversal: a constant, a slope, and a random function between ta
 segment each have their own error, so that they carry no information on the lines. A target on a jump may lie on either
 side of it, and its readings are weighted accordingly.
 
-The standard deviations of noise, drift and reversal are those of restricted maximum likelihood (REML). The noise is
-never less than the instrument specification, and is increased for its degrees of freedom (GUM Supplement 1, 6.4.9.4).
-Estimates are generalised least squares with best linear unbiased prediction.
+The standard deviations of noise, drift and reversal are those of restricted likelihood, found as those of a diagnosis
+(`calibration.gaussian_terms.noise`). The noise is never less than the instrument specification, and is increased for
+its degrees of freedom (GUM Supplement 1, 6.4.9.4). Estimates are generalised least squares with best linear unbiased
+prediction.
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, null_space
 
 from calibration.continuous.records import QuasiStatic
 from calibration.continuous.shape import Shape
+from calibration.gaussian_terms.noise import Moments, likeliest_variances
+from kinematics.error_model.priors import PRIORS
 from kinematics.transforms import Array
 
-SMALLEST, LARGEST, START = 1e-3, 1e4, 0.3
-"""Range of the standard deviations in the search, um, and its start value."""
-MOST_TRIES = 200
+STEPS = 30
+"""Most Fisher steps of the variances."""
+SMALLEST = 1e-3
+"""Standard deviation of a reading, and of a drift, um, that is assumed in any case: the last digit of a reading."""
 LEAST_FREE = 3
 """Least number of degrees of freedom for an estimate of the standard deviations."""
 REACH = 0.25
@@ -238,33 +242,25 @@ def _reversal_kernel(
 def _spread(
     observed: Array, design: Array, own: Array, groups: Mapping[str, Array], specified: float
 ) -> tuple[Spread, Array]:
-    """Standard deviations by REML, and the resulting covariance of the readings, um2."""
-    free = len(observed) - int(np.linalg.matrix_rank(design))
-    names = list(groups)
-    identity = np.eye(len(observed))
-
-    def covariance(sizes: Array, noise: float) -> Array:
-        total = own + (specified**2 + noise**2) * identity
-        for name, size in zip(names, sizes, strict=True):
-            total = total + size**2 * groups[name]
-        return np.asarray(total)
-
-    def cost(logarithms: Array) -> float:
-        sizes = np.exp(np.clip(logarithms, np.log(SMALLEST), np.log(LARGEST)))
-        return _Solved(observed, design, covariance(sizes[1:], float(sizes[0]))).deviance
-
-    if free < LEAST_FREE:
-        noise, sizes = 0.0, np.zeros(len(names))
-    else:
-        from scipy.optimize import minimize
-
-        start = np.log(np.full(1 + len(names), START))
-        found = minimize(
-            cost, start, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-2, "maxfev": MOST_TRIES}
+    """Standard deviations by restricted likelihood, and the resulting covariance of the readings, um2."""
+    apart = null_space(design.T)  # combinations of the readings without what is fitted in any case
+    free, m = apart.shape[1], len(observed)
+    names, parts = list(groups), [np.eye(m), *groups.values()]
+    known = own + specified**2 * np.eye(m)
+    variances = np.zeros(len(parts))
+    if free >= LEAST_FREE:
+        rest = apart.T @ observed
+        moments = Moments(
+            np.outer(rest, rest)[None],
+            [(apart.T @ part @ apart)[None] for part in parts],
+            (apart.T @ known @ apart)[None],
         )
-        best = np.exp(np.clip(found.x, np.log(SMALLEST), np.log(LARGEST)))
-        noise, sizes = float(best[0]) * np.sqrt(free / max(free - 2.0, 1.0)), best[1:]
-    by_name = dict(zip(names, sizes.tolist(), strict=True))
+        start = np.full(len(parts), max(float(np.mean(rest**2)), SMALLEST**2))
+        variances = likeliest_variances([moments], start, PRIORS.non_repeatability_um, STEPS)
+        variances[0] *= free / max(free - 2.0, 1.0)
+        variances[1:] = np.maximum(variances[1:], SMALLEST**2)
+    noise, *sizes = np.sqrt(variances).tolist()
+    by_name = dict(zip(names, sizes, strict=True))
     spread = Spread(
         float(np.hypot(specified, noise)),
         specified,
@@ -273,7 +269,8 @@ def _spread(
         by_name.get("reversal", 0.0),
         free,
     )
-    return spread, covariance(sizes, noise)
+    covariance = known + sum(variance * part for variance, part in zip(variances, parts, strict=True))
+    return spread, np.asarray(covariance + SMALLEST**2 * np.eye(m))
 
 
 class _Solved:
@@ -289,14 +286,6 @@ class _Solved:
         self.fixed = self.own @ (design.T @ whole[:, -1])
         self.residual = observed - design @ self.fixed
         self.solved = whole[:, -1] - self.weighted @ self.fixed
-
-    @property
-    def deviance(self) -> float:
-        """-2 ln of the restricted likelihood, up to a constant."""
-        own = np.linalg.eigvalsh(self.information)
-        own = own[own > own.max(initial=0.0) * 1e-12]
-        half = float(np.log(np.diag(self.factor[0])).sum())
-        return 2.0 * half + float(np.log(own).sum()) + float(self.residual @ self.solved)
 
     def predicted(self, design: Array, cross: Array, prior: Array) -> tuple[Array, Array]:
         """Values `(k,)` and covariance of quantities with this fixed part, covariance with observations, and prior."""

@@ -98,6 +98,8 @@ class Moments(NamedTuple):
     """`(stops, m d, m d)`"""
     parts: list[Array]
     """Covariance, whitened in the same way, by each variance of 1."""
+    known: Array | float = 0.0
+    """Covariance `(stops, m d, m d)` that no variance changes, whitened in the same way."""
 
 
 def variances(
@@ -107,9 +109,19 @@ def variances(
 
     median: of the prior of the standard deviation of an axis, um or urad.
     """
-    theta = np.array([noise.factor, *(noise.repeats.get(axis, 0.0) ** 2 for axis in axes)])
+    start = np.array([noise.factor, *(noise.repeats.get(axis, 0.0) ** 2 for axis in axes)])
+    theta = likeliest_variances(moments, start, median)
+    sizes = zip(axes, np.sqrt(theta[1:]).tolist(), strict=True)
+    return float(theta[0]), {axis: size for axis, size in sizes if size > NEGLIGIBLE}
+
+
+def likeliest_variances(moments: Sequence[Moments], theta: Array, median: float, steps: int = STEPS) -> Array:
+    """Variances `(k,)` of the parts with the greatest likelihood, from some on; the first one stays above 0.
+
+    median: of the prior of the standard deviations but for the first one.
+    """
     now = _likelihood(moments, theta, median)
-    for _ in range(STEPS):
+    for _ in range(steps):
         step, least = _fisher_step(theta, now), LEAST_FACTOR * theta[0]
         for _ in range(HALVINGS):
             new = np.maximum(theta + step, 0.0)
@@ -123,8 +135,7 @@ def variances(
         rise, theta, now = found.value - now.value, new, found
         if rise < RISE:
             break
-    sizes = zip(axes, np.sqrt(theta[1:]).tolist(), strict=True)
-    return float(theta[0]), {axis: size for axis, size in sizes if size > NEGLIGIBLE}
+    return theta
 
 
 class _Likelihood(NamedTuple):
@@ -155,8 +166,8 @@ def _likelihood(moments: Sequence[Moments], theta: Array, median: float) -> _Lik
     gradient, information = -1.0 / (median**2 + theta), np.zeros((k, k))
     gradient[0] = 0.0
     information[np.diag_indices(k)] += gradient**2
-    for second, parts in moments:
-        inverse = np.linalg.inv(sum(variance * part for variance, part in zip(theta, parts, strict=True)))
+    for second, parts, known in moments:
+        inverse = np.linalg.inv(known + sum(variance * part for variance, part in zip(theta, parts, strict=True)))
         excess = inverse @ second
         value += 0.5 * float(np.linalg.slogdet(inverse)[1].sum() - np.trace(excess, axis1=1, axis2=2).sum())
         scaled = [inverse @ part for part in parts]
