@@ -284,3 +284,22 @@ def test_a_klartext_set_that_cannot_be_used_is_refused_with_its_place(tmp_path, 
     folder = written(tmp_path / "in", {**KLARTEXT, name: KLARTEXT[name].replace(old, new, 1)})
     with pytest.raises(UserError, match=message):
         corrected(folder / "main.h", tmp_path / "out", setup=PRESET)
+
+
+SAVING = {
+    "MAIN.MPF": "G71 G90 G54 G17\nG0 X100 Y100 Z50\nL7 P2\nX20\nM30\n",
+    "L7.SPF": "PROC L7 SAVE DISPLOF\nG1 X10 Y20 Z30 F500\nG91\nX5\nM17\n",
+}
+
+
+def test_modes_are_those_of_the_caller_again_behind_each_run_of_a_subprogram_with_save(tmp_path):
+    folder = written(tmp_path / "in", SAVING)
+    done = corrected(folder / "MAIN.MPF", tmp_path / "out")
+    findings = ncomp.check(folder / "MAIN.MPF", GANTRY, setup=SETUP, travel_check=False)
+    assert (findings.refused, done.report.moves) == ([], 6)
+    verdict = ncomp.verify(folder / "MAIN.MPF", tmp_path / "out" / "MAIN.MPF", GANTRY, MODEL, setup=SETUP).verdict
+    assert verdict.after.largest < 0.3
+    x, y, z = re.search(r"G1 X(\S+) Y(\S+) Z(\S+) F500", (tmp_path / "out" / "L7.SPF").read_text()).groups()
+    assert np.abs(tool_points([[float(x), float(y), float(z)]]) - (10, 20, 30)).max() < 0.0003
+    with pytest.raises(UserError, match=r"L7\.SPF:1: .*SAVE cannot be written out"):
+        corrected(folder / "MAIN.MPF", tmp_path / "one", beside=False)

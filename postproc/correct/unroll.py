@@ -20,6 +20,7 @@ from postproc.control.interpreter import Interpreter
 from postproc.execution import Part, StoredProgram, StreamedProgram, turns
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions, merged
+from postproc.siemens.reading.calls import saves_modes
 from postproc.siemens.variables import EMPTY
 from postproc.text.block import Block, Edit, Refusal, Word, edited
 from postproc.text.blocks import Blocks
@@ -127,6 +128,11 @@ def _straight(block: Block, written: Block, *, last: bool) -> str | None:
     calls = [edit for pair in zip(block.words, written.words, strict=False) for edit in _call(block, *pair)]
     if block.code is None:
         return edited(block.text, calls)
+    if saves_modes(block):
+        raise block.refuse(
+            "a subprogram with SAVE cannot be written out, because the control restores modes behind it: write them at "
+            "its end, and no SAVE"
+        )
     if block.kind in ("control", "blank"):
         return None
     taken = [step for step in block.code.after if isinstance(step, Taken)]

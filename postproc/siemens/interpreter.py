@@ -130,7 +130,8 @@ class SiemensInterpreter(Interpreter):
     def _keep_modes(self, block: Block) -> None:
         """Restore the modes of the caller behind a subprogram with SAVE, and keep them at its beginning."""
         depth = self.channel.scope.depth
-        while self._saved and depth < self._saved[-1].depth:
+        ended = depth - saves_modes(block)  # one that begins again has ended before
+        while self._saved and ended < self._saved[-1].depth:
             saved = self._saved.pop()
             if saved.put_back(block, self.modal):
                 self._set_work_offset(block, saved.work_offset)
