@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from calibration.fit.together import TogetherNotAccepted
     from calibration.instruments import Ballbar, Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
     from calibration.interface.calibrations import diagnose, fit, fit_together
-    from calibration.interface.evaluations import ballbar, compare, continuous, iso230, three_points, tracker
+    from calibration.interface.evaluations import ballbar, compare, continuous, iso230, square, three_points, tracker
     from calibration.interface.measurements import (
         plan,
         predict,
@@ -108,6 +108,7 @@ __all__ = [
     "set_up",
     "simulate",
     "simulate_continuous",
+    "square",
     "study",
     "three_points",
     "touches",

@@ -4,7 +4,7 @@ from calibration.fit.calibrate import NotAccepted
 from calibration.fit.together import TogetherNotAccepted
 from calibration.instruments import Ballbar, Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
 from calibration.interface.calibrations import diagnose, fit, fit_together
-from calibration.interface.evaluations import ballbar, compare, continuous, iso230, three_points, tracker
+from calibration.interface.evaluations import ballbar, compare, continuous, iso230, square, three_points, tracker
 from calibration.interface.measurements import (
     plan,
     predict,
@@ -49,6 +49,7 @@ __all__ = [
     "save",
     "simulate",
     "simulate_continuous",
+    "square",
     "three_points",
     "touches",
     "tracker",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from calibration.continuous.reading import Data
     from calibration.continuous.records import QuasiStatic
     from calibration.evaluation.comparison.result import Comparison
+    from calibration.evaluation.rectangle import Rectangle
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.tracker_tests import Fitted
     from calibration.single_axis.iso230 import AxisTest
@@ -157,6 +158,28 @@ def ballbar(measurement: Measurement) -> CircularTests:
         for plane in one_way_planes(circles)
     ]
     return CircularTests(circular_tests(measurement, circles), shares(measurement, circles), tuple(notes), measurement)
+
+
+@public
+def square(
+    ac: float,
+    bd: float,
+    ad: float,
+    *,
+    ab: float | None = None,
+    u: float = 0.5,
+    plane: str = "XY",
+) -> Rectangle:
+    """The squareness of two axes from the diagonals ac, bd and the side ad of a rectangle that the machine made, mm.
+
+    A is the corner from which ad goes along the first axis of the plane, and ab along the second one (XY, XZ or YZ); u:
+    standard uncertainty (k = 1) of each length, mm. `calibration(machine)` of the result is for `correct`.
+
+    UserError for lengths that are not those of a rectangle.
+    """
+    from calibration.evaluation.rectangle import Rectangle
+
+    return Rectangle(ac, bd, ad, ab, u, plane)
 
 
 @public

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from calibration.diagnosis.conclusion.result import Diagnosis
+    from calibration.evaluation.rectangle import Rectangle
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
     from calibration.interface.evaluations import CircularTests, ContinuousResult, ThreePointsResult
@@ -60,6 +61,12 @@ def _circles(found: CircularTests) -> Report:
     return ballbar_report(found.tests, found.shares, found.measurement.source, ReportHead())
 
 
+def _rectangle(found: Rectangle) -> Report:
+    from calibration.reports.rectangle import rectangle_report
+
+    return rectangle_report(found, f"rectangle in {found.plane}")
+
+
 def _three_points(found: ThreePointsResult) -> Report:
     from calibration.reports.three_points import three_points_report
     from kinematics.files.report_head import ReportHead
@@ -99,6 +106,7 @@ REPORTS: dict[str, Callable[[Any], Report]] = {
     "Plan": _plan,
     "AxisTest": _axis_test,
     "CircularTests": _circles,
+    "Rectangle": _rectangle,
     "ThreePointsResult": _three_points,
     "ContinuousResult": _continuous,
     "Fitted": _tracker,

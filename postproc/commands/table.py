@@ -42,6 +42,7 @@ COMMANDS = {
     "report": "programs.report",
     "study": "measurements.study",
     "touches": "measurements.touches",
+    "square": "calibrations.square",
     "three-points": "calibrations.three_points",
 }
 """The module of each command, in this package; it has a function of its own name, and EPILOG, the examples."""
