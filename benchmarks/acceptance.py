@@ -4,7 +4,8 @@
 Every file below the folder goes through the main job, on the first of the machines that accepts it (default: dmu50,
 trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX that
 move no part of it, as one on which a tool change moves nothing, as a FANUC, as one whose called programs do not
-change the state, and as one that cuts off the fraction of a number of repeats): with `--calibration
+change the state, as one that cuts off the fraction of a number of repeats, as a LinuxCNC, with the tool at X0 Y0 Z0 at
+the start, and with probing beside the contour): with `--calibration
 none`, where an accepted program must come out byte for byte, for a machine that is out of square by 20 urad, and for
 that with `--unroll` where it is refused without. One that asks for the radius of a tool is given a tool table, in
 which all tools are alike. Prints a table per folder, and one line per program that the first, or only the second,
@@ -57,6 +58,9 @@ def variants(names: list[str]) -> list[Machine]:
             {"family": "fanuc"},
             {"calls_leave_state": True},
             {"repeats": "truncate"},
+            {"family": "linuxcnc"},
+            {"start": "X0,Y0,Z0"},
+            {"probing": "beside"},
         )
         controls = [dataclasses.replace(machine.control, **other) for other in others]
         found += [dataclasses.replace(machine, control=control) for control in controls]

@@ -98,6 +98,7 @@ class Axis:
         return read_only(np.asarray(np.eye(3) + k + k @ k / (1.0 + c)))
 
 
+Family = Literal["any", "fanuc", "linuxcnc", "grbl"]
 Probing = Literal["", "beside"]
 
 
@@ -119,7 +120,7 @@ class Control:
     """Names of axes outside the chain, as of an extruder: their words pass as they are (Siemens programs)."""
     calls_leave_state: bool = False
     """Programs in other files that a program calls do not change tool, frames and modes (Klartext)."""
-    family: Literal["any", "fanuc", "linuxcnc", "grbl"] = "any"
+    family: Family = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
     start: str = ""
     """Position of the axes when a program starts, `X0,Y0,Z5`, mm or degrees, in the coordinates in force at its first

@@ -96,7 +96,7 @@ def model(machine, *effects):
     ("block", "said"),
     [
         ("G1 X10 Y=AC(R1) F500", "Y=AC(R1): R1 is not set by the program"),
-        ("DEF REAL LEVEL[3]=(0.5,1.5,2.5)", "',1.5,2.5)' is not understood: correct the block"),
+        ("DEF REAL LEVEL[3]={0.5,1.5,2.5}", "'{0.5,1.5,2.5}' is not understood: correct the block"),
         ("G1 X1,5 F500", "',5 F500' is not understood: write the decimal point as '.'"),
     ],
 )

@@ -4,8 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from support.command import refusal
+from support.machine_texts import machine_text
 from support.programs import correct, load, random_model, read
 
+import ncomp
 from kinematics.user_error import UserError
 
 HEAD = "G21 G90 G17 G54 G94\nG0 X10. Y10. Z5.\nG1 X11. F500\n"
@@ -85,6 +88,17 @@ def test_kinematics_by_number():
     assert "needs P" in refused("G12.1\n", machine)
 
 
+@pytest.mark.parametrize("family", ["linuxcnc", "grbl", "any"])
+def test_outputs_and_inputs_move_nothing(family):
+    """Y stays at its corrected place behind M64 and M66; where the control is not stated, they might move an axis."""
+    text = HEAD + "M64 P2\nM66 P0 L3 Q2\nM67 E0 Q5.\nG1 X20.\nM2\n"
+    machine = of(family)
+    if family == "any":
+        text = text.replace("M67 E0 Q5.\n", "")
+    known = read(text, machine).known[-1].tolist()
+    assert known == ([2, 1, 1] if family == "any" else [2, 2, 2])
+
+
 # ---- grbl
 
 
@@ -151,3 +165,21 @@ def test_the_answer_of_grbl_is_a_table_of_work_offsets(command, tmp_path):
         done = command(*line)
         assert done.status == 2
         assert reason in " ".join(done.err.split())
+
+
+def test_what_grbl_cannot_run(tmp_path):
+    """Neither an F for rotary axes of a meaning that is a setting, nor a probing program for LinuxCNC."""
+    text = machine_text("w C b X Y Z t", more='[control]\nfamily = "grbl"\nrotary_feed = "scaled"\n')
+    (tmp_path / "mill.toml").write_text(text)
+    (tmp_path / "a.nc").write_text("G21 G90 G54\nG0 X1. Y1. Z1. C0.\nG1 C9. F100\n")
+    line = ("--machine", tmp_path / "mill.toml", "--set-up-zero", "--calibration", "none", "--no-travel-check")
+    assert "--rotary-feed scaled: controls differ in the meaning of F" in refusal(tmp_path / "a.nc", *line)
+    assert "grbl has no code for TCP" in refusal(tmp_path / "a.nc", *line, "--rotary-feed", "leave", "--tcp", "to-tcp")
+
+
+@pytest.mark.parametrize(
+    ("code", "verdict"), [("G52", "refused"), ("G43.1", "followed"), ("G61", "passes"), ("M19", "refused")]
+)
+def test_codes_as_grbl_has_them(code, verdict):
+    found = ncomp.codes(code, family="grbl").json()["codes"]
+    assert [each["verdict"] for each in found if each["dialect"] == "iso"] == [verdict]

@@ -24,7 +24,7 @@ from postproc.iso.codes import (
     TURNING_WORDS,
     UNITS,
 )
-from postproc.iso.families import ANY, GRBL, HARMLESS, LINUXCNC, STORED, refused_by_family
+from postproc.iso.families import ANY, GRBL, HARMLESS, HARMLESS_M, LINUXCNC, STORED, refused_by_family
 from postproc.iso.modal_state import InForce, ModalState
 from postproc.iso.variables import IsoVariables
 from postproc.motion.moves import Kind
@@ -71,7 +71,8 @@ class Channel(channel.Channel):
     def take_function(self, block: Block, code: float) -> None:
         """Take over an M function."""
         self.check_family(block, "M", code)
-        super().take_function(block, code)
+        if code not in HARMLESS_M.get(self.family, ()):
+            super().take_function(block, code)
 
     def take_unknown(self, block: Block, code: float, refused: Mapping[float, str], *, moves: bool) -> None:
         """Refuse a G code that is not followed, or pass it; G28.1 and G30.1 store a position or reference the axes."""

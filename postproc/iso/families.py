@@ -20,6 +20,10 @@ HARMLESS: Mapping[str, frozenset[float]] = {
     GRBL: STORED,
 }
 """Neither move the tool nor change where coordinates point: a position stored, the end of a normal direction."""
+OUTPUTS = frozenset(map(float, range(62, 69)))
+"""M functions for outputs and inputs."""
+HARMLESS_M: Mapping[str, frozenset[float]] = {LINUXCNC: OUTPUTS, GRBL: OUTPUTS | {56.0}}
+"""Move nothing: outputs, inputs, and the parking of grbl."""
 IN_MACHINE_FRAME = {28.5: 28.0, 30.5: 30.0, 53.5: 53.0}
 """LinuxCNC 2.10: as these codes, in the axes of the machine whatever the kinematics in force."""
 SELECT_KINEMATICS, AXIS_KINEMATICS = 12.1, 13.1

@@ -314,5 +314,5 @@ class SiemensInterpreter(Interpreter):
                 name = self.machine.names[word.axis]
                 raise block.refuse(
                     f"an increment of {name} before its first absolute position in this frame depends on settings of "
-                    "the control: write an absolute position first"
+                    "the control: write an absolute position first, or state --start"
                 )

@@ -7,10 +7,11 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
-from kinematics.machine import Machine, split_chain
+from kinematics.machine import Family, Machine, split_chain
 from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
 from postproc.commands.workplace.answers import Answers, by_name
@@ -25,7 +26,7 @@ CHAINS = {
     "7": ("w b X Y Z C B t", "five axes, fork head"),
 }
 """Usual chains by number, each with its machines."""
-FAMILIES = ("any", "fanuc", "linuxcnc", "grbl")
+FAMILIES: tuple[str, ...] = get_args(Family)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class RotaryFeeds:
     def __init__(self, machine: Machine, how: str, dialect: Dialect, notes: Notes) -> None:
         """`how`: as `Control.rotary_feed`; UserError for `scaled` on an unknown control."""
         self._machine, self._how, self._dialect, self._notes = machine, how, dialect.name, notes
-        if how == "scaled" and dialect.name == "iso" and machine.control.family == "any":
+        if how == "scaled" and dialect.name == "iso" and machine.control.family in ("any", "grbl"):
             raise UserError(FAMILY)
         self._feed = Feed()
 

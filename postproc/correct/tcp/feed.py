@@ -48,7 +48,7 @@ class Feeds:
         self._to_tcp, self._machine = to_tcp, job.machine
         if klartext and self._how == "inverse-time":
             raise UserError(KLARTEXT)
-        if self._how == "scaled" and self._family == "any" and not to_tcp:
+        if self._how == "scaled" and self._family in ("any", "grbl") and not to_tcp:
             raise UserError(FAMILY.format(cure=", or choose --tcp-feed inverse-time"))
 
         self._comment = job.dialect.comment
@@ -142,7 +142,7 @@ class Feeds:
         straight = float(np.linalg.norm(way[list(self._machine.translators)]))
         path = (float(nominal.path_lengths[row]) if nominal.kind[row] == Kind.ARC else straight) / unit
         if self._to_tcp and angle > SAME and path > SAME:
-            if self._family == "any":
+            if self._family in ("any", "grbl"):
                 raise block.refuse(FAMILY.format(cure=""))
             path = math.hypot(path, angle) if self._family == "fanuc" else path
         return (path if path > SAME else angle) / feed
