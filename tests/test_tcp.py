@@ -112,6 +112,22 @@ def test_scaled_feeds(ncomp, family):
     assert re.search(r"^X39\.3923 Y-6\.9459.* F200\.?$", written, re.MULTILINE)  # F of the program again
 
 
+def test_the_feed_is_restored_before_a_cycle_and_a_dwell_is_no_feed(ncomp):
+    text = table("G1 Z5. F1000.\nX30. C10. F200.\nG0 C0.\nG4 P2.\nG1 X40. C5.").replace(
+        "G49\n", "G49\nG43 H1 Z50.\nG81 X1. Y1. Z5. R10. F70.\nG80\n"
+    )
+    done, written = convert(ncomp, text, *COARSE)
+    assert done.status == 0, done.err
+    lines = written.splitlines()
+    assert lines[lines.index("G49") - 1] == "G94 F200 (NCOMP FEED)"
+    assert lines[lines.index("G4 P2.") - 1] == "G94 F200 (NCOMP FEED)"
+    assert re.search(r"^G93 G1 X39\.8478 Y-3\.4862 C5\. F\d+", written, re.MULTILINE)
+    siemens = SIEMENS.replace("X10 Y0 C9 F360", "X20 Y0 F100\nG4 F2\nG1 X30 C9")
+    done, written = convert(ncomp, siemens, *COARSE, file="tip.mpf")
+    assert done.status == 0, done.err
+    assert re.search(r"X29\.6307 Y-4\.6930 C9 F10\.?0*", written)  # 10 mm at 100 mm/min, whatever the dwell
+
+
 # ---- dialects
 
 SIEMENS = (

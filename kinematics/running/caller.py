@@ -63,6 +63,8 @@ VALUES = {
     "table-unit": "mm inch",
     "target-order": "in-turn alternating",
     "unexplained": "report add",
+    "tcp": "to-axes to-tcp",
+    "tcp-feed": "inverse-time scaled",
 }
 """Values that are plain words, by their options: such a word does not show by itself that it is a value."""
 UNITS = ("s", "ms", "us", "min", "days", "mm", "um", "m", "deg", "degC", "share")

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from postproc.control.codes import DWELL
 from postproc.siemens.codes import FEED_MODES
 from postproc.text.block import Block
 from postproc.text.blocks import Blocks
 
 PER_MINUTE = 94.0
 """Feed mode in which F is a speed, mm/min or deg/min."""
+OTHER_FEEDS = frozenset(("FAUTO", "FU", "FZ"))
+"""Addresses of feeds of the tool table, per revolution and per tooth."""
 TCP_M = 128.0
 """Klartext: an F behind M128 limits the speed of the compensating moves."""
 
@@ -43,9 +46,13 @@ def _after(block: Block, feed: Feed) -> Feed:
             feed = feed._replace(value=None, mode=word.value)
     if "FGROUP" in block.text.upper():
         feed = feed._replace(grouped=True)
+    if any(word.address == "G" and word.value == DWELL for word in block.words):
+        return feed  # its F is the time of the dwell
     for word in block.words:
         if word.address == "M" and word.value == TCP_M:
             break
+        if word.address in OTHER_FEEDS:
+            feed = feed._replace(value=None)
         if word.address == "F":
             feed = feed._replace(value=None if word.formula else word.value)
     return feed

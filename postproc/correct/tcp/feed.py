@@ -28,6 +28,8 @@ from postproc.write.rotary_feed import RESTORED
 
 ENDS = frozenset((2.0, 6.0, 17.0, 30.0, 99.0))
 """M functions of the end of a program and of a tool change."""
+SILENT = frozenset("NSM")
+"""Addresses of words to which the feed mode does not matter."""
 LEAST_MINUTES = 1e-5
 """Time of a block that moves nothing, under G93."""
 FAMILY = (
@@ -67,15 +69,15 @@ class Feeds:
         """
         if not (self._changed or moved.any()):
             return {}
-        cut = (nominal.kind == Kind.LINE) | (nominal.kind == Kind.ARC)
+        cuts = np.isin(nominal.kind, (Kind.LINE, Kind.ARC)).tolist()
         turned: NDArrayBool = np.asarray((turns(nominal) > 0.0).any(axis=1))
         paced: dict[int, Paced] = {}
         rows: dict[int, list[int]] = {}
-        for row in np.flatnonzero(cut).tolist():
-            rows.setdefault(int(nominal.block[row]), []).append(row)
+        for row, index in enumerate(nominal.block.tolist()):
+            rows.setdefault(index, []).append(row)
         for index, block in enumerate(nominal.blocks):
             own, feed = rows.get(index, []), feeds[index]
-            inside = [row for row in own if moved[row]]
+            inside = [row for row in own if moved[row] and cuts[row]]
             modes = [word for word in block.words if word.address == "G" and word.value in FEED_MODES]
             for row in inside:
                 found = self._paced(nominal, row, feed, turns=bool(turned[row]))
@@ -84,8 +86,8 @@ class Feeds:
                     self._changed = found.form != "programmed"
                 elif _feed_word(block) or modes:
                     self._changed = False
-            if not inside:
-                self._restore(index, block, feed, modes, moves=bool(own), rewrite=rewrite)
+            if not any(moved[row] for row in own) and self._relies(block, modes, moves=any(cuts[row] for row in own)):
+                self._restore(index, block, feed, modes, rewrite)
         return paced
 
     def _in_mode(self, found: Paced, index: int, modes: list[Word], rewrite: Rewrite) -> Paced:
@@ -96,15 +98,18 @@ class Feeds:
             return found._replace(mode="G93")
         return found
 
-    def _restore(
-        self, index: int, block: Block, feed: Feed, modes: list[Word], *, moves: bool, rewrite: Rewrite
-    ) -> None:
-        """Restore the feed of the program before a block that relies on it."""
-        ends = any(word.address == "M" and word.value in ENDS for word in block.words)
-        if not self._changed or not (moves or (ends and self.timed) or modes):
-            return
-        self._changed = False
-        own = _feed_word(block)
+    def _relies(self, block: Block, modes: list[Word], *, moves: bool) -> bool:
+        """True for a block outside the converted moves to which F, or its mode, may matter."""
+        if not self._changed:
+            return False
+        if not self.timed:
+            return moves or bool(modes)
+        silent = all(word.address in SILENT for word in block.words) and block.kind in ("words", "blank")
+        return not silent or any(word.address == "M" and word.value in ENDS for word in block.words)
+
+    def _restore(self, index: int, block: Block, feed: Feed, modes: list[Word], rewrite: Rewrite) -> None:
+        """Restore the feed of the program before a block."""
+        self._changed, own = False, _feed_word(block)
         if modes or (own and not self.timed):
             return
         number = "" if own or not feed.value else f"F{feed.value:.{decimals_holding(feed.value)}f}"
