@@ -35,6 +35,8 @@ from postproc.write.plain_texts import PlainText
 
 KEPT = 16
 """Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""
+CALL = "program_call"
+"""Kind of a block with CALL PGM."""
 Item = TypeVar("Item")
 
 
@@ -125,7 +127,7 @@ class StreamedProgram:
         try:
             chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes, ahead=self.ahead), self.dialect.leads)
             while True:
-                items = straight(_without_turns(self._decided(chunks.next())), self.interpreter.scope)
+                items = straight(_without_turns(self._decided(chunks.next()), self._calls), self.interpreter.scope)
                 motions, refusal = self.interpreter.read_to_refusal(items)
                 if motions.blocks:
                     yield Part(motions, motions.blocks.size)
@@ -135,6 +137,14 @@ class StreamedProgram:
                     return
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
+
+    def _calls(self, block: Block) -> bool:
+        """True for a call of a file that is there, in a block that a control may also take for one without effect."""
+        if block.kind != CALL:
+            return False
+        files = called_files(self.source, self.dialect, self.interpreter.control_state.setup)
+        (linked,) = self.dialect.link([block], files.names, False)
+        return linked.code is not None and linked.code.turns
 
     def _decided(self, items: Iterable[Block | PlainRun]) -> Iterator[Block | PlainRun]:
         """The blocks as the block-skip switch lets them run."""
@@ -258,13 +268,13 @@ def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Str
     return kind(source, dialect, interpreter)
 
 
-def _without_turns(items: Iterator[Block | PlainRun]) -> Iterator[Block | PlainRun]:
-    """The items of a chunk; Turns, before the first of them, for a block that jumps, loops or calls."""
+def _without_turns(items: Iterator[Block | PlainRun], calls: Callable[[Block], bool]) -> Iterator[Block | PlainRun]:
+    """The items of a chunk; Turns, before the first of them, for a block that jumps or loops, or that `calls`."""
     found: list[Block | PlainRun] = []
     refused = None
     try:
         for item in items:
-            if isinstance(item, Block) and item.code is not None and item.code.turns:
+            if isinstance(item, Block) and (calls(item) or (item.code is not None and item.code.turns)):
                 raise Turns
             found.append(item)
     except UserError as fault:

@@ -136,7 +136,7 @@ def test_a_changed_subprogram_of_a_watched_folder_corrects_its_set_again(tmp_pat
     said: list[str] = []
     options = {"set_up": {"zero": True}, "travel_check": False, "accept": "outside,insignificant", "settle": 0.2}
     given = (folder, tmp_path / "out", "gantry", tmp_path / "cal.json")
-    watching = threading.Thread(target=lambda: public.watch(*given, **options, idle=3.0, say=said.append))
+    watching = threading.Thread(target=lambda: public.watch(*given, **options, idle=1.5, say=said.append))
     watching.start()
     _wait(lambda: len([line for line in said if line.startswith("corrected")]) == 1)
     assert outputs(tmp_path / "out") == sorted(FANUC)

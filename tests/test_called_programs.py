@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -303,3 +304,13 @@ def test_modes_are_those_of_the_caller_again_behind_each_run_of_a_subprogram_wit
     assert np.abs(tool_points([[float(x), float(y), float(z)]]) - (10, 20, 30)).max() < 0.0003
     with pytest.raises(UserError, match=r"L7\.SPF:1: .*SAVE cannot be written out"):
         corrected(folder / "MAIN.MPF", tmp_path / "one", beside=False)
+
+
+def test_a_called_file_that_is_there_is_followed_where_calls_are_stated_to_leave_the_state(tmp_path):
+    machine = replace(GANTRY, control=replace(GANTRY.control, calls_leave_state=True))
+    main = "BEGIN PGM MAIN MM\nL X+100 Y+100 Z+50 R0 FMAX\nCALL PGM END\nCALL PGM TNC:\\change.h\nEND PGM MAIN MM\n"
+    folder = written(tmp_path / "in", {"main.h": main, "END.H": KLARTEXT["END.H"]})
+    options = {"setup": ncomp.set_up(machine, zero=True), "travel_check": False}
+    done = ncomp.correct(folder / "main.h", machine, "none", beside=True, **options)
+    assert ([each.name for each in done.called], done.report.moves) == (["END.H"], 2)
+    assert any("CALL PGM TNC" in note for note in done.report.notes)
