@@ -6,6 +6,7 @@ from support.machine_texts import machine_text
 from support.programs import load, shifted
 
 import ncomp
+from kinematics.error_model.model import write_model
 from kinematics.user_error import UserError
 
 HEADS = {"iso": "G21 G17 G54\n", "siemens": "G71 G17 G54\nT1 D1\n", "heidenhain": "BEGIN PGM A MM\n"}
@@ -57,6 +58,19 @@ def test_a_position_set_at_the_declared_start():
 def test_the_start_is_in_the_coordinates_of_the_first_move():
     """In TRANS X50 the tool stands at X1 of the shifted coordinates."""
     assert places("TRANS X50\nG91 G1 X1 F100\n", "siemens", start="X1,Y2,Z5")[-1] == [152.0, 202.0, 5.0]
+
+
+def test_a_correction_belongs_to_its_start(tmp_path):
+    """Verified from another start, the program is that of another set-up."""
+    machine = load("gantry")
+    write_model(shifted(machine, X=3.0), tmp_path / "cal.json")
+    (tmp_path / "a.nc").write_text("G21 G91 G17 G54\nG1 X10. Y0. Z0. F300\nX10.\nM2\n")
+    line = ("--machine", "gantry", "--set-up-zero", "--datum", "G54=true", "--calibration", tmp_path / "cal.json")
+    done = succeed(tmp_path / "a.nc", *line, "--start", "X0,Y0,Z0", "--no-travel-check", "-o", tmp_path / "b.nc")
+    assert "the tool is taken to stand at X0 Y0 Z0 when the program starts" in " ".join(done.shown.split())
+    verified = ("verify", tmp_path / "a.nc", tmp_path / "b.nc", *line, "--start")
+    succeed(*verified, "X0,Y0,Z0")
+    assert "was corrected with another set-up" in refusal(*verified, "X1,Y0,Z0")
 
 
 def test_a_tool_change_takes_its_axes_from_the_start():

@@ -35,6 +35,9 @@ class Interpreter(ABC):
         self.recorder: Recorder = channel.recorder
         self.control_state: ControlState = channel.control_state
         start = channel.setup.start
+        if start:
+            place = " ".join(f"{name}{position:.10g}" for name, position in start.items())
+            self.notes.add(f"the tool is taken to stand at {place} when the program starts, uncorrected (start)", 1)
         self.recorder.start_at({self.machine.index(name): position for name, position in start.items()})
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import IO, NamedTuple
 
@@ -185,7 +185,13 @@ def _setup_lines(state: ControlState) -> Iterable[str]:
     for tool in sorted(state.used_tools):
         yield f"T{tool} {_numbers((state.tool_length(tool), state.tool_radius(tool) or 0.0))}"
     for line, values in sorted(setup.datums.items()):
-        yield f"#{line} {' '.join(f'{axis}{_numbers((value,))}' for axis, value in sorted(values.items()))}"
+        yield f"#{line} {_by_axis(values)}"
+    if setup.start:
+        yield f"start {_by_axis(setup.start)}"
+
+
+def _by_axis(values: Mapping[str, float]) -> str:
+    return " ".join(f"{axis}{_numbers((value,))}" for axis, value in sorted(values.items()))
 
 
 def _datum_lines(state: ControlState) -> Iterable[str]:
