@@ -84,6 +84,11 @@ def test_kinematics_by_number():
     assert abs(tool_point[names.index("X")]) == pytest.approx(0.0, abs=1e-9)
     assert abs(tool_point[names.index("Y")]) == pytest.approx(3.0, abs=1e-9)
     assert [axes[names.index(axis)] for axis in "XYZ"] == [3.0, 0.0, 100.0]
+    started = of("linuxcnc", "trunnion_bc", kinematics_types=("tool-point", "axes"), tcp_at_start=True)
+    text = "G0 X0. Y0. Z100. B0. C90.\nG13.1\nG43 H1\nG1 X3. Y0. Z100.\nG12.1 P0\nG49\nG1 X3. Y0. Z100.\n"
+    _, axes, tool_point = ends(text, started)
+    assert [axes[names.index(axis)] for axis in "XY"] == [3.0, 0.0]
+    assert abs(tool_point[names.index("Y")]) == pytest.approx(3.0, abs=1e-9)
     assert "names no kinematics 7" in refused("G12.1 P7\n", machine)
     assert "needs P" in refused("G12.1\n", machine)
 

@@ -70,6 +70,8 @@ class ModalState(modal_state.ModalState):
     """The work offset, G52 and G92."""
     lengths: Lengths = field(init=False)
     """The tool and the length offset."""
+    kinematics_tcp: bool = field(init=False)
+    """The kinematics in force position the tool point, whatever the length offset (LinuxCNC)."""
     placement: Placement = field(default_factory=Placement)
     """The rotation, mirror or scale of the coordinates."""
     placement_code: float = 0.0
@@ -89,6 +91,7 @@ class ModalState(modal_state.ModalState):
         super().__post_init__()
         control = self.machine.control
         self.arc_absolute = control.arc_centres == "absolute"
+        self.kinematics_tcp = control.tcp_at_start
         self.to_retract = False if control.family == "fanuc" else None
         if control.unit:
             del self.not_programmed["unit"]

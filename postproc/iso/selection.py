@@ -62,7 +62,7 @@ def select_length(channel: Channel, content: Content, code: float) -> None:
         tool = "the tool in the spindle" if lengths.spindle_tool is not None else NO_TOOL
         channel.notes.add(f"G43 {given or 'without H'} is taken to select the length of {tool}", block.line)
     lengths.select(code, None if by_spindle else number)
-    modal.tcp = code in TCP_CODES or channel.machine.control.tcp_at_start
+    modal.tcp = code in TCP_CODES or modal.kinematics_tcp
     if code in TCP_CODES:
         channel.note_tcp(f"G{code:g}", block)
 
@@ -71,7 +71,7 @@ def give_length(channel: Channel, length: float) -> None:
     """G43.1: a length given in the program, mm."""
     before = channel.modal.in_force
     channel.modal.lengths.give(length)
-    channel.modal.tcp = channel.machine.control.tcp_at_start
+    channel.modal.tcp = channel.modal.kinematics_tcp
     channel.changed_since(before)
 
 
@@ -94,6 +94,7 @@ def select_kinematics(channel: Channel, content: Content, code: float) -> None:
         raise content.refuse(
             "another kinematics while the coordinates are rotated is not corrected: write G69 before it"
         )
-    channel.switch_tcp(kinds[number] == "tool-point")
+    channel.modal.kinematics_tcp = kinds[number] == "tool-point"
+    channel.switch_tcp(channel.modal.kinematics_tcp)
     if channel.modal.tcp:
         channel.note_tcp(f"G12.1 P{number}", content.block)
