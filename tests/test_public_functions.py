@@ -25,6 +25,7 @@ ONLY_COMMANDS = {
     "doctor": "it looks at the installation, and shows what it finds",
     "hook": "it writes files for a CAM, which calls the command",
     "init": "it asks, and writes a job file",
+    "measure": "it asks for readings",
     "tutorial": "it writes the files of the tutorial",
 }
 """Commands without a function, and the reason."""

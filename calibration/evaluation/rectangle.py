@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import datetime
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -150,14 +151,22 @@ def _tangent(ac: float, bd: float, ad: float, ab: float) -> float:
     return cosine / math.sqrt(1.0 - cosine**2)
 
 
-def file_of(rectangle: Rectangle, size: tuple[float, float], machine: Machine) -> str:
-    """The lengths as a measurement file; size: the sides that were commanded, mm, from A at 0, 0."""
-    first, second = rectangle.plane[0], rectangle.plane[1]
-    places = {"A": (0.0, 0.0), "B": (0.0, size[1]), "C": size, "D": (size[0], 0.0)}
-    lines = [f"# machine: {machine.name}", "# instrument: lengths", f"# u_um: {rectangle.u * 1e3:g}"]
-    lines.append(f"name,{first}1,{second}1,{first}2,{second}2,length_mm")
-    for name, length in rectangle.lengths.items():
-        if length:
-            ends = [f"{value:g}" for letter in name for value in places[letter.upper()]]
-            lines.append(f"{name.upper()},{','.join(ends)},{length:g}")
+def file_of(
+    machine: Machine,
+    plane: str,
+    places: Mapping[str, tuple[float, float]],
+    lengths: Mapping[str, float],
+    u: float,
+    scale_um_per_m: float | None = None,
+) -> str:
+    """Lengths between corners as a measurement file; places: where the machine stood, mm, by the letters of corners.
+
+    lengths: mm, by the letters of their two corners; u: their standard uncertainty, mm.
+    """
+    head = [f"machine: {machine.name}", "instrument: lengths", f"u_um: {u * 1e3:g}"]
+    head += [] if scale_um_per_m is None else [f"u_scale_um_per_m: {scale_um_per_m:g}"]
+    lines = [*(f"# {line}" for line in head), f"name,{plane[0]}1,{plane[1]}1,{plane[0]}2,{plane[1]}2,length_mm"]
+    for name, length in lengths.items():
+        ends = [f"{value:g}" for letter in name for value in places[letter]]
+        lines.append(f"{name},{','.join(ends)},{length:g}")
     return "\n".join(lines) + "\n"

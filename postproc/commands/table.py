@@ -36,6 +36,7 @@ COMMANDS = {
     "plan optimised": "measurements.plan_optimised",
     "plan path": "measurements.plan_path",
     "plan spheres": "measurements.plan_spheres",
+    "measure": "measurements.measure",
     "predict": "measurements.predict",
     "simulate": "measurements.simulate",
     "simulate-continuous": "measurements.simulate_continuous",

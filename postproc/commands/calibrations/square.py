@@ -94,4 +94,6 @@ def _content(found: Rectangle, size: str | None, machine: str | None, output: st
     across, along = numbers(size, 2, f"--size {size}")
     if min(across, along) <= 0.0:
         raise UserError(f"--size {size}: the sides are above 0, mm")
-    return file_of(found, (across, along), mill).encode()
+    places = {"A": (0.0, 0.0), "B": (0.0, along), "C": (across, along), "D": (across, 0.0)}
+    measured = {name.upper(): length for name, length in found.lengths.items() if length}
+    return file_of(mill, found.plane, places, measured, found.u).encode()
