@@ -142,6 +142,10 @@ def test_a_changed_subprogram_of_a_watched_folder_corrects_its_set_again(tmp_pat
     assert outputs(tmp_path / "out") == sorted(FANUC)
     (folder / "3").write_text(FANUC["3"].replace("X700.", "X710."))
     _wait(lambda: len([line for line in said if line.startswith("corrected")]) == 2)
+    (folder / "3").write_text("O3\nG31 X5.\nM99\n")
+    _wait(lambda: any("O3" in line or "G31" in line for line in said if line.startswith("refused")))
+    earlier = ["3.earlier", "O0001.nc.earlier", "O1000.nc.earlier", "o9001.NC.earlier"]
+    assert outputs(tmp_path / "out") == earlier
     (folder / "3").unlink()
     (folder / "O0001.nc").write_text(FANUC["O0001.nc"] + "\n")
     _wait(lambda: any("no subprogram O3" in line for line in said))

@@ -73,9 +73,9 @@ def mark_line(
     return dialect.comment.format(text) + source.line_end
 
 
-def called_by(caller: Source) -> str:
-    """The end of the mark of a called program, with the name of the main program."""
-    return f" CALLED BY {_PLAIN.sub('_', PurePath(caller.name).name.upper())}"
+def called_by(caller: str | PurePath) -> str:
+    """The end of the mark of a called program, with the name of the file of the main program."""
+    return f" CALLED BY {_PLAIN.sub('_', PurePath(caller).name.upper())}"
 
 
 UNCHANGED = " CALLED"

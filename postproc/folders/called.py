@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from postproc.correct.mark import UNCHANGED, called_by
 from postproc.text.source import ENCODING
 
 if TYPE_CHECKING:
+    from postproc.folders.programs import FolderProgram
     from postproc.interface.programs import Corrected
 
 CALLED = re.compile(rf"NCOMP [^\n]*({UNCHANGED}(?: BY [^\s)]+)?)[) \t]*\r?$", re.MULTILINE)
@@ -46,6 +48,15 @@ def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
     return {path: each.data for path, each in files.items()}
 
 
+def earlier_beside(program: FolderProgram) -> Iterator[Path]:
+    """The earlier corrections of the files that a program calls, in the folder of its output."""
+    for path in program.called:
+        inside = path.is_relative_to(program.path.parent)
+        output = program.target.parent / (path.relative_to(program.path.parent) if inside else path.name)
+        if output.is_file() and _called_mark(output).endswith(called_by(program.path)):
+            yield output
+
+
 def _called_mark(path: Path) -> str:
     """The end of the mark of a called program in a file; empty without one."""
     match = CALLED.search(path.read_bytes().decode(ENCODING))
@@ -55,6 +66,6 @@ def _called_mark(path: Path) -> str:
 def _is_replaced(path: Path, data: bytes, done: Corrected) -> bool:
     """True if a file is the same, or an earlier correction for the same main program, or for all main programs."""
     there = path.read_bytes() if path.is_file() else b""
-    marks = tuple(mark.encode() for mark in (called_by(done.job.source), UNCHANGED))
+    marks = tuple(mark.encode() for mark in (called_by(done.job.source.name), UNCHANGED))
     lines = (line.rstrip(b") \t\r") for line in there.split(b"\n") if b"NCOMP " in line)
     return there == data or any(line.endswith(marks) for line in lines)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from kinematics.user_error import UserError
+from postproc.folders.called import earlier_beside
 from postproc.folders.own_set_up import SUFFIX
 from postproc.folders.programs import (
     REFUSED,
@@ -228,13 +229,15 @@ class Watch:
 
     @staticmethod
     def _put_aside(program: FolderProgram) -> str:
-        """Rename the earlier output of a program that is refused; returns the end of its message."""
-        aside = program.target.with_name(program.target.name + EARLIER)
-        with suppress(OSError):
-            if program.target.exists():
-                program.target.replace(aside)
-                return f"; its earlier output is now {aside}"
-        return ""
+        """Rename the earlier outputs of a program that is refused, and of its called ones; the end of its message."""
+        renamed = []
+        for output in (program.target, *earlier_beside(program)):
+            aside = output.with_name(output.name + EARLIER)
+            with suppress(OSError):
+                if output.exists():
+                    output.replace(aside)
+                    renamed.append(str(aside))
+        return f"; its earlier output is now {', '.join(renamed)}" if renamed else ""
 
 
 def _state(program: FolderProgram) -> Fingerprint | None:

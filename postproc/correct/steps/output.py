@@ -61,5 +61,5 @@ class Output:
         """As `finish`, for a file that a program calls; one without a change has the same mark for all callers."""
         job = self._job
         mark = mark_of(job.model, state) if changed else Mark(job.model.id.upper())
-        names, end = (accepted, called_by(caller)) if changed else ((), UNCHANGED)
+        names, end = (accepted, called_by(caller.name)) if changed else ((), UNCHANGED)
         self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, names, end), out)
