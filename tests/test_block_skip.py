@@ -69,8 +69,9 @@ def test_blocks_run_as_the_switch_is_stated(case, tmp_path):
 
 HARMLESS = {
     "iso": "/ M0\n/1 M8\n/ G4 P1.\n/ (text)\n/ G61\n",
-    "siemens": '/ M0\n/ MSG("HALLO")\n/ STOPRE\n/ G4 F2\n/3 M1\n',
-    "heidenhain": "/ STOP\n/ M0\n/ STOP M5\n/ ; text\n/ M8\n",
+    "siemens": '/ M0\n/ MSG("HALLO")\n/ STOPRE\n/ G4 F2\n/3 M1\n/ SETMS(2)\n',
+    "heidenhain": "/ STOP\n/ M0\n/ STOP M5\n/ ; text\n/ M8\n/ L M3\n/ FN 16: F-PRINT A.A / B.B\n/ CYCL DEF 9.0 DWELL TIME\n"
+    "/ CYCL DEF 9.1 DWELL 0.5\n/ CYCL DEF 32.0 TOLERANCE\n/ TOOL DEF 5\n",
 }
 
 

@@ -14,6 +14,13 @@ FOUND = {
     "(BEGIN PGM)\n(TOOL CALL 1)\n;CYCL DEF 7.0\nG0 X1.\n": ("iso", "because no line at its beginning"),
     "G0 X1.\nGOTO 20\nN20 X5.\n": ("iso", "because no line at its beginning"),
     "(X=5)\n#1=5\nG0 X#1\n": ("iso", "because of line 2: '#1=5'"),
+    '(TOOL (id="3") X=5)\nG0 X1.\n': ("iso", "because no line at its beginning"),
+    '(TOOL (a) id="3"\nG0 X1.\n': ("iso", "because no line at its beginning"),
+    # names of programs are no evidence
+    '<part id="3">\nG0 X1.\n': ("iso", "because no line at its beginning"),
+    "O0012 <X=5>\n%PART X=5\nG0 X1.\n": ("iso", "because no line at its beginning"),
+    "%_N_PART_MPF\nG0 X1\n": ("siemens", "because of line 1: '%_N_PART_MPF'"),
+    "%PART\nG0 X=R1\n": ("siemens", "because of line 2: 'G0 X=R1'"),
     # the text outside of them is evidence
     "; text\nN10 G0 X1\nN20 X=R1 ; (a;b)\n": ("siemens", "because of line 3: 'N20 X=R1 ; (a;b)'"),
     'MSG("a; (b #1=2")\n': ("siemens", "because of line 1"),

@@ -18,7 +18,9 @@ def corrected(text: str) -> str:
     return correct(text, GANTRY, MODEL, offsets=["G54=1000,1000,200"], tools=["T1=100"], datums=["G54=true"]).text
 
 
-@pytest.mark.parametrize("name", ["O0001", ":0001", ": 1", "<SHAFT_12>", "<Part-1.A>(FIRST SIDE)", ":1 (FIRST SIDE)"])
+@pytest.mark.parametrize(
+    "name", ["O0001", ":0001", ": 1", "<SHAFT_12>", "O<SHAFT 12>", "<Part-1.A>(FIRST SIDE)", ":1 (FIRST SIDE)"]
+)
 @pytest.mark.parametrize("called", ["O7", "O0007", ":7"])
 def test_a_program_is_named_as_fanuc_allows(name: str, called: str) -> None:
     lines = corrected(PART.format(name, called)).splitlines()

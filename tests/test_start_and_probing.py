@@ -55,6 +55,15 @@ def test_a_position_set_at_the_declared_start():
     assert places("G90\nG92 X0.\nG91 G1 X5. Y1. F100\n", "iso", start="X1,Y2,Z5")[-1] == [106.0, 203.0, 5.0]
 
 
+def test_a_zero_that_is_set_where_it_is():
+    """G10 L20 P1 of a router at X0 Y0 changes nothing; elsewhere LinuxCNC and FANUC differ, and a family decides."""
+    text = "G90\nG10 L20 P1 X0. Y0.\nG1 X5. Y1. F100\n"
+    assert places(text, "iso", start="X0,Y0,Z5")[-1] == [105.0, 201.0, 5.0]
+    for start in ("X1,Y0,Z5", "X0,Z5"):
+        with pytest.raises(UserError, match="G10 L20 sets different data on FANUC and on LinuxCNC"):
+            places(text, "iso", start=start)
+
+
 def test_the_start_is_in_the_coordinates_of_the_first_move():
     """In TRANS X50 the tool stands at X1 of the shifted coordinates."""
     assert places("TRANS X50\nG91 G1 X1 F100\n", "siemens", start="X1,Y2,Z5")[-1] == [152.0, 202.0, 5.0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from postproc.iso.families import ANY, GRBL, LINUXCNC
 from postproc.iso.offsets import NUMBERED
 from postproc.iso.selection import give_length
 from postproc.iso.words import Content, decided_by_family
+from postproc.motion.circles import SAME
 from postproc.motion.moves import Known
 
 WORDS = {PRESET: "S", SCALE_END: "S", DATA: "LPRIJQ"}
@@ -233,6 +235,8 @@ def set_data(change: CoordinateChange) -> tuple[int, ...]:
             )
         _enter_here(change)
         return tuple(shifts)
+    elif kind == WORK_OFFSET_HERE and family == ANY and _sets_what_is(change, number):
+        _enter_offset(change, f"G54.1P{number}", None)
     elif kind in (1, WORK_OFFSET_HERE, GEOMETRY, WEAR):
         _set_length(change, kind, number)
     elif kind not in RADII:
@@ -268,6 +272,13 @@ def _enter_here(change: CoordinateChange) -> None:
     work = offsets.work()
     offsets.enter(offsets.name, {axis: work[axis] + here[axis] - value for axis, value in change.shifts.items()})
     change.channel.change_frame(())
+
+
+def _sets_what_is(change: CoordinateChange, number: int) -> bool:
+    """True where LinuxCNC's G10 L20 gives the declared start the coordinates that it has: FANUC sets G54.1 only."""
+    recorder, offsets = change.channel.recorder, change.channel.modal.offsets
+    same = (abs(recorder.start.at.get(axis, math.inf) - value) < SAME for axis, value in change.shifts.items())
+    return NUMBERED.get(number) == offsets.name and not offsets.moved and all(same)
 
 
 def _set_length(change: CoordinateChange, kind: int, number: int) -> None:
