@@ -15,6 +15,9 @@ from support import linuxcnc_trunnion as trunnion
 
 CONTROL = '\n[control]\nfamily = "linuxcnc"\ntcp_at_start = true\n'
 LENGTH, PIVOT = 80.0, 250.0
+SET_UP = (
+    *("--machine", "mill.toml", "--calibration", "none", "--work-offset", "G54=0,0,0", "--tool-length", f"T1={LENGTH}"),
+)
 HEAD = (
     'name = "head"\nchain = "w b X Y Z C B t"\naxes.X = { travel = [-500, 500] }\naxes.Y = { travel = [-500, 500] }'
     f"\naxes.Z = {{ travel = [-400, 400] }}\naxes.C = {{ travel = [-200, 200], point = [0, 0, {PIVOT}] }}\n"
@@ -62,8 +65,7 @@ def converted(ncomp, text, machine):
     as_written = machine.replace("axes.C = { ", 'axes.C = { rollover = "as-written", ')
     Path("mill.toml").write_text(as_written + CONTROL)
     Path("tip.ngc").write_text(text)
-    done = ncomp("tip.ngc", "--machine", "mill.toml", "--calibration", "none", "--work-offset", "G54=0,0,0",
-                 "--tool-length", f"T1={LENGTH}", "--tcp", "to-axes", "--tolerance-um", "1e7", "-o", "axes.ngc")  # fmt: skip
+    done = ncomp("tip.ngc", *SET_UP, "--tcp", "to-axes", "--tolerance-um", "1e7", "-o", "axes.ngc")
     assert done.status == 0, done.err
     return Path("axes.ngc").read_text()
 
@@ -90,3 +92,14 @@ def test_positions_of_the_axes_are_those_of_linuxcnc_s_joints(ncomp, linuxcnc, l
     found = np.array([at[i + 1] for i in last])[:, ["XYZABC".index(letter) for letter in "XYZ" + axes]]
     assert found.shape == joints.shape
     assert np.abs(found - joints).max() < 1e-4
+    Path("axes.ngc").write_text(result)
+    back = ncomp("axes.ngc", *SET_UP, "--tcp", "to-tcp", "--tolerance-um", "1e7", "--force", "-o", "back.ngc")
+    assert back.status == 0, back.err
+    again = linuxcnc.run(Path("back.ngc").read_text(), tools={1: Tool(length=LENGTH)})
+    tips = {move.line: move.end for move in again.moves}
+    lines = Path("back.ngc").read_text().splitlines()
+    moves = [i for i, line in enumerate(lines) if re.match(r"(G93 )?G[01] X", line)]
+    ends = [i for i in moves if i + 1 not in moves or "NCOMP FROM" not in lines[i + 1]]
+    programmed = [[float(number) for number in re.findall(r"[XYZABC]([-\d.]+)", block)] for block in poses(axes, count)]
+    returned = np.array([tips[i + 1] for i in ends])[:, ["XYZABC".index(letter) for letter in "XYZ" + axes]]
+    assert np.abs(returned[-count:] - programmed).max() < 2e-4  # rounded there and back
