@@ -112,6 +112,13 @@ def test_scaled_feeds(ncomp, family):
     assert re.search(r"^X39\.3923 Y-6\.9459.* F200\.?$", written, re.MULTILINE)  # F of the program again
 
 
+def test_a_block_that_moves_nothing_has_a_feed_too(ncomp):
+    done, written = convert(ncomp, table("G1 X20. F1000.\nX20.\nC5."), *COARSE)
+    assert done.status == 0, done.err
+    (number,) = re.findall(r"^X20\.\S* F(\d+)", written, re.MULTILINE)
+    assert 0.0 < float(number) < 1e6
+
+
 def test_the_feed_is_restored_before_a_cycle_and_a_dwell_is_no_feed(ncomp):
     text = table("G1 Z5. F1000.\nX30. C10. F200.\nG0 C0.\nG4 P2.\nG1 X40. C5.").replace(
         "G49\n", "G49\nG43 H1 Z50.\nG81 X1. Y1. Z5. R10. F70.\nG80\n"

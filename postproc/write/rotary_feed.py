@@ -68,7 +68,8 @@ def _feed_of(motions: Motions, row: int, moved: float) -> float | None:
     paced = motions.paced[row]
     rows = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP))
     lengths = motions.path_lengths
-    minutes = paced.minutes * lengths[row] / max(float(lengths[rows].sum()), SAME)
+    whole = float(lengths[rows].sum())
+    minutes = paced.minutes * lengths[row] / whole if whole > SAME else paced.minutes
     if paced.form == "inverse-time":
         return float(1.0 / minutes)
     if paced.form == "combined":
