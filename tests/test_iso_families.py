@@ -137,6 +137,7 @@ REFUSED = {
     "$QQ": "no command of grbl",
     "G1 X5 $H": "shares its line",
     "G52 X5.": "G52 is no code of grbl",
+    "G69": "G69 is no code of grbl",
     "G41 D1": "G41 is no code of grbl",
     "M19": "M19 is no code of grbl",
     "G2 X31.02 R10.009": "no circle of this radius",

@@ -204,9 +204,9 @@ class IsoInterpreter(Interpreter):
         self._end_coordinate_changes(content, ends)
         before = self.modal.in_force
         for code in content.g:
+            channel.check_family(block, "G", code)
             if code in ends:
                 continue
-            channel.check_family(block, "G", code)
             if code in ONE_SHOT:
                 claimed = code
                 if code in (5.0, 5.1):
