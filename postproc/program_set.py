@@ -71,6 +71,18 @@ class ProgramSet:
         known = next((each for each in self.called if each.source.name == str(found.path)), None)
         return known.first if known else self._add(found)
 
+    def refuse_beside(self, name: str, inside: int) -> None:
+        """NotKnown if a program has a file of its own, and a beginning at the block `inside` of another file.
+
+        LinuxCNC 2.9 reads the file unless it has run over the other beginning before.
+        """
+        found = self.found.find(name, Path(self.name(inside)).parent if self.source.folder else None)
+        if found is not None and found.path.resolve() != Path(self.name(inside)).resolve():
+            raise NotKnown(
+                f"{found.path} is a file of {shown_name(name)} too, and the order of the blocks decides which one "
+                "LinuxCNC runs: rename one of them"
+            )
+
     def name(self, at: int) -> str:
         """The name of the file of a block."""
         file = self._file(at)

@@ -314,3 +314,23 @@ def test_a_called_file_that_is_there_is_followed_where_calls_are_stated_to_leave
     done = ncomp.correct(folder / "main.h", machine, "none", beside=True, **options)
     assert ([each.name for each in done.called], done.report.moves) == (["END.H"], 2)
     assert any("CALL PGM TNC" in note for note in done.report.notes)
+
+
+@pytest.mark.parametrize("main", ["o100 sub\nG1 X1 F9\no100 endsub\no<p> call\n", "o<p> call\no<q> call\n"])
+def test_a_subprogram_in_two_files_is_refused(tmp_path, main):
+    """LinuxCNC runs the one that it has met first, whatever the file of the call."""
+    inner = "o<{0}> sub\no100 call\no<{0}> endsub\no100 sub\nG1 X2 Y2 Z2 F100\no100 endsub\nM2\n"
+    files = {"main.ngc": f"G21 G90 G54\nG0 X9 Y9 Z9\n{main}M2\n", **{f"{n}.ngc": inner.format(n) for n in "pq"}}
+    folder = written(tmp_path, files)
+    assert len(linuxcnc(folder / "main.ngc")) == 1 + main.count("call")
+    with pytest.raises(UserError, match=r"[pq]\.ngc:2: .*both have a subprogram O100"):
+        corrected(folder / "main.ngc", tmp_path / "out")
+
+
+def test_a_subprogram_that_has_a_file_beside_its_own_place_is_refused(tmp_path):
+    """LinuxCNC reads 100.ngc, because it has not met the beginning in the file of the call yet."""
+    main = "G21 G90 G54\nG0 X9 Y9 Z9\no100 call\nM2\no100 sub\nG1 X2 F100\no100 endsub\n"
+    folder = written(tmp_path, {"main.ngc": main, "100.ngc": "o100 sub\nG1 X7 F100\no100 endsub\nM2\n"})
+    assert linuxcnc(folder / "main.ngc")[-1, 0] == 7.0
+    with pytest.raises(UserError, match=r"main\.ngc:3: .*100\.ngc is a file of O100 too"):
+        corrected(folder / "main.ngc", tmp_path / "out")

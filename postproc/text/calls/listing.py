@@ -30,6 +30,9 @@ class Files(Protocol):
         a program without a file, and for one that cannot be read.
         """
 
+    def refuse_beside(self, name: str, inside: int) -> None:
+        """NotKnown if a program has a file of its own, and a beginning at the block `inside` of another file."""
+
     def name(self, at: int) -> str:
         """The name of the file of a block."""
 
@@ -42,6 +45,9 @@ class OneFile:
     def first_block(self, name: str, _: int) -> int:
         """NotKnown for every program."""
         raise NotKnown(f"the file has no subprogram {shown_name(name)}: write it into the file once")
+
+    def refuse_beside(self, _: str, __: int) -> None:
+        """No file is beside."""
 
     def name(self, _: int) -> str:
         """Nothing."""
@@ -98,23 +104,37 @@ class Listing:
         local: in the file of the call; begun: the subprogram must have a beginning of its own. NotKnown for none.
         """
         labelled = self._labelled.get(name, [])
+        if not local:
+            self._refuse_several(labelled, name)
         own = [i for i in labelled if self._file(i) == self._file(at)]
         found = own or [i for i in labelled if self._file(i) == 0 and not local]
         if found or local:
-            return self._one(found, name, "the file") + 1
+            inside = self._one(found, name, "the file")
+            if begun:
+                self.files.refuse_beside(name, inside)
+            return inside + 1
         first = self.files.first_block(name, at)
         if first > len(self._programs):
             self.ends.add(len(self._programs))
             self._programs.append(-1)
             self._take(first)
             self._taken(first)
+        self._refuse_several(self._labelled.get(name, []), name)
         file = self._file(first)
-        inside = [i for i in self._labelled.get(name, []) if self._file(i) == file]
+        begins = [i for i in self._labelled.get(name, []) if self._file(i) == file]
         several = file + 1 < len(self._firsts)
         here = range(first, self._firsts[file + 1] - 1 if several else len(self.blocks))
-        if inside or begun or any(self._begins(self.blocks[i]) for i in here):
-            return self._one(inside, name, self.files.name(first)) + 1
+        if begins or begun or any(self._begins(self.blocks[i]) for i in here):
+            return self._one(begins, name, self.files.name(first)) + 1
         return first
+
+    def _refuse_several(self, labelled: Sequence[int], name: str) -> None:
+        """NotKnown for a subprogram in several files: LinuxCNC runs the one that it has met first."""
+        files = {self._file(i): self.files.name(i) for i in labelled}
+        if len(files) > 1:
+            raise NotKnown(
+                f"{' and '.join(files.values())} both have a subprogram {shown_name(name)}: rename one of them"
+            )
 
     @staticmethod
     def _one(found: Sequence[int], name: str, where: str) -> int:
