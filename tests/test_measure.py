@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+import ncomp
 from benchmarks import lengths as benchmark
+from kinematics.error_model.model import read_model
 
 
 @pytest.fixture
@@ -94,6 +96,22 @@ def test_sides_that_the_machine_does_not_have_are_refused(command, folder, optio
     assert questions == []
     assert reason in " ".join(printed.split())
     assert not (folder / "lengths.csv").exists()
+
+
+def test_a_dial_gauge_shows_the_backlash_of_both_axes(command, folder):
+    """X stands 0.12 mm too far when it comes from above, and Y 0.02 mm."""
+    answers = ["851", "846.5", "599.5", "", "0.12", "0.12", "0.02", "0.02"]
+    options = "--size", "600,600", "--u", "0.25", "--gauge-um", "5"
+    status, _, printed = asked(command, folder, answers, *options)
+    assert status == 0, printed
+    assert "Move X to 399, then up to 400, and set the dial to zero" in printed
+    assert "backlash of X: 0.120" in printed
+    assert "backlash of Y: 0.020" in printed
+    fit = "fit", folder / "lengths.csv", "-m", folder / "router.toml", "-o", folder / "cal.json"
+    assert command(*fit).status == 0
+    effects = {e.name: e for e in read_model(folder / "cal.json", ncomp.load_machine(folder / "router.toml")).effects}
+    assert effects["backlash X"].parameters[0] == pytest.approx(120.0, abs=3.0)
+    assert effects["backlash Y"].parameters[0] == pytest.approx(20.0, abs=3.0)
 
 
 def test_without_an_answer_nothing_is_written(command, folder):

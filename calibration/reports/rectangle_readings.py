@@ -1,4 +1,4 @@
-"""What lengths of a rectangle say of a machine, in sentences with mm in 300 mm."""
+"""What lengths of a rectangle and a dial gauge say of a machine, in sentences with mm in 300 mm."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.evaluation.rectangle import PLANES, RECTANGLE_MM
+from kinematics.effects.base import UM
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import plus_minus
 
@@ -15,7 +16,7 @@ UNSEEN = 10.0
 
 
 def sentences(model: ErrorModel, plane: str) -> Iterator[str]:
-    """The lean of the second axis, and the scales of both, of a model that was fitted to lengths in a plane."""
+    """The lean of the second axis, scales and backlash, of a model that was fitted to lengths and readings."""
     for name, value, u in _values(model, plane):
         size, big_u = abs(value) * RECTANGLE_MM, 2.0 * u * RECTANGLE_MM
         sure = "" if size > big_u else ": not more than its uncertainty"
@@ -24,6 +25,11 @@ def sentences(model: ErrorModel, plane: str) -> Iterator[str]:
         else:
             word = name[1] if value > 0.0 else name[2]
             yield f"{name[0]}: {word} by {plus_minus(size, big_u, 2)} mm in 300 mm (U, k=2){sure}."
+    covariance = np.array(model.covariance)
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        if effect.kind == "backlash":
+            width, big_u = abs(effect.parameters[0]) * UM, 2.0 * float(covariance[part, part][0, 0]) ** 0.5 * UM
+            yield f"backlash of {effect.name.partition(' ')[2]}: {plus_minus(width, big_u, 3)} mm (U, k=2)."
 
 
 def _values(model: ErrorModel, plane: str) -> Iterator[tuple[tuple[str, str, str], float, float]]:

@@ -126,6 +126,7 @@ RUNS = (
     Run("fit-two-instruments", f"fit laser.csv circles.csv --machine cframe --basis {SMOOTH} {FIT}", ("laser", "circles"), heavy=True),
     Run("fit-spheres", f"fit spheres.csv --machine dmu50 --prior-scale 0.1 --basis {SPHERES} {FIT}", ("probe",)),
     Run("fit-part", f"fit part.csv --machine cframe {FIT}", ("part",), heavy=True),
+    Run("square", "square --ac 319 --bd 318 --ad 199 --machine cframe -o cal.json --json square.json", ()),
     Run("fit-circles", f"fit circles.csv --machine cframe --basis {SMOOTH} --effect backlash:axis=X,width=1 {FIT}", ("circles",)),
     Run("fit-on-the-fly", f"fit points.csv --machine cframe --path path.nc --basis legendre:2 {FIT}", ("path",), heavy=True),
     Run("fit-runs-of-iso230", f"fit x_iso230_2_report.md {SINGLE} {FIT}", ("shared:iso230/x_iso230_2_report.md", "file:examples/single_axis.toml")),

@@ -1,4 +1,4 @@
-"""`ncomp measure`: asks for the lengths of a rectangle one by one, and says what is wrong with the machine."""
+"""`ncomp measure`: asks for lengths and dial readings one by one, and says what is wrong with the machine."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ EPILOG = (
 )
 PLACE = re.compile(r"^lengths: (line \d+: )?")
 """Name of the table and line in a message: the user has not seen it."""
+DIAL = "axis,along,position_mm,direction,reading_um,run"
+"""Columns of readings of a dial gauge."""
 HELP = "a length in mm; - for one that cannot be measured; drop AC to take one back; nothing to end"
 """What may be answered."""
 
@@ -40,25 +42,34 @@ def measure(
     ruler_um_per_m: float | None = option(
         "Standard uncertainty (k=1) of the scale of the ruler, um/m. Default: not known.", "NUMBER", min=1e-3
     ),
+    gauge_um: float | None = option(
+        "Standard uncertainty (k=1) of a dial gauge, um: with it, ask for the backlash of both axes too.",
+        "um",
+        min=1e-3,
+    ),
 ) -> None:
     """Ask for the lengths of a rectangle that the machine marks, and say what is wrong in mm per 300 mm.
 
-    Each question is for the length that helps most. Answers may come from a pipe. The file is for ncomp fit.
+    Each question is for the length that helps most; with a dial gauge, backlash comes last. Answers may come from a
+    pipe. The file is for ncomp fit.
     """
     from calibration.planning.next_length import Corners
 
     found = ncomp.load_machine(machine)
     sides = None if size is None else numbers(size, 2, f"--size {size}")
     corners = Corners.within(found, plane, None if sides is None else (sides[0], sides[1]))
-    session = Session(found, corners, u, ruler_um_per_m)
+    session = Session(found, corners, u, ruler_um_per_m, gauge_um)
     session.begin()
     while (name := session.next_length()) is not None and session.ask(name):
         pass
-    if not session.lengths:
+    if gauge_um is not None:
+        session.ask_backlash()
+    if not session.lengths and not session.readings:
         raise UserError("no length was given: nothing is written")
     with whole_results(output) as (file,):
         file.write(session.text.encode())
-    _say(f"Written: {output}, {len(session.lengths)} lengths. Next: ncomp fit {output} --machine {machine} -o CAL.json")
+    given = f"{len(session.lengths)} lengths, {len(session.readings)} readings of the dial gauge"
+    _say(f"Written: {output}, {given}. Next: ncomp fit {output} --machine {machine} -o CAL.json")
 
 
 @dataclass
@@ -69,9 +80,12 @@ class Session:
     corners: Corners
     u: float
     ruler_um_per_m: float | None
+    gauge_um: float | None = None
     lengths: dict[str, float] = field(default_factory=dict)
     """mm, by name."""
     left_out: set[str] = field(default_factory=set)
+    readings: list[str] = field(default_factory=list)
+    """Rows of the dial gauge."""
 
     def begin(self) -> None:
         """Say where to make the marks."""
@@ -87,7 +101,16 @@ class Session:
         from calibration.evaluation.rectangle import file_of
 
         corners = self.corners
-        return file_of(self.machine, corners.plane, corners.places, self.lengths, self.u, self.ruler_um_per_m)
+        text = file_of(self.machine, corners.plane, corners.places, self.lengths, self.u, self.ruler_um_per_m)
+        if not self.readings:
+            return text
+        lines = text.splitlines()
+        head = [line for line in lines if line.startswith("#")]
+        names, *rows = lines[len(head) :]
+        beside = "," * DIAL.count(",")
+        rows = [f"{names},{DIAL}", *(f"{row},{beside}" for row in rows)]
+        rows += [f"{',' * names.count(',')},{row}" for row in self.readings]
+        return "\n".join([*head, f"# u_gauge_um: {self.gauge_um:g}", *rows]) + "\n"
 
     def next_length(self) -> str | None:
         """The length to ask for; None where all are there."""
@@ -109,6 +132,31 @@ class Session:
                 _say(f"  {PLACE.sub('', str(fault))}")
                 continue
             return True
+
+    def ask_backlash(self) -> None:
+        """Ask for readings of a dial gauge after a turn back of each axis, twice; nothing leaves an axis out."""
+        for axis, low, side in zip(self.corners.plane, self.corners.low, self.corners.size, strict=True):
+            at = round(low + side / 2.0)
+            _say(f"Backlash of {axis}: set the dial gauge against something fixed, its plunger along {axis}.")
+            for run in (f"backlash {axis} 1", f"backlash {axis} 2"):
+                _say(f"  Move {axis} to {at - 1}, then up to {at}, and set the dial to zero.")
+                question = f"  Move {axis} up to {at + 1} and back to {at}. Dial, mm (+ where {axis} is too far in +): "
+                if not self._took_reading(question, axis, at, run):
+                    break
+
+    def _took_reading(self, question: str, axis: str, at: int, run: str) -> bool:
+        """Ask for a reading until it can be used; False for nothing."""
+        while answer := _answer(question):
+            before = list(self.readings)
+            try:
+                (reading,) = numbers(answer, 1, answer)
+                self.readings += [f"{axis},{axis},{at},+,0,{run}", f"{axis},{axis},{at},-,{reading * 1e3:g},{run}"]
+                self._show()
+                return True
+            except UserError as fault:
+                self.readings = before
+                _say(f"  {PLACE.sub('', str(fault))}")
+        return False
 
     def _take(self, name: str, answer: str) -> None:
         """Use an answer; UserError for one that cannot be used."""
