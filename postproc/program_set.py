@@ -74,13 +74,15 @@ class ProgramSet:
     def refuse_beside(self, name: str, inside: int) -> None:
         """NotKnown if a program has a file of its own, and a beginning at the block `inside` of another file.
 
-        LinuxCNC 2.9 reads the file unless it has run over the other beginning before.
+        LinuxCNC 2.9 reads the file unless it has run over the other beginning before, FANUC has both in its memory.
         """
+        if self.dialect.name != "iso" or self._interpreter.machine.control.family == "fanuc":
+            return
         found = self.found.find(name, Path(self.name(inside)).parent if self.source.folder else None)
         if found is not None and found.path.resolve() != Path(self.name(inside)).resolve():
             raise NotKnown(
                 f"{found.path} is a file of {shown_name(name)} too, and the order of the blocks decides which one "
-                "LinuxCNC runs: rename one of them"
+                'LinuxCNC runs: rename one of them, or write family = "fanuc" in the machine file'
             )
 
     def name(self, at: int) -> str:

@@ -327,10 +327,16 @@ def test_a_subprogram_in_two_files_is_refused(tmp_path, main):
         corrected(folder / "main.ngc", tmp_path / "out")
 
 
-def test_a_subprogram_that_has_a_file_beside_its_own_place_is_refused(tmp_path):
+BESIDE = {
+    "o-word": ("o100 call\nM2\no100 sub\nG1 X2 F100\no100 endsub\n", "o100 sub\nG1 X7 F100\no100 endsub\nM2\n"),
+    "M98": ("M98 P100\nM2\nO100\nG1 X2 F100\nM99\n", "O100\nG1 X7 F100\nM99\n"),
+}
+
+
+@pytest.mark.parametrize(("calling", "called"), BESIDE.values(), ids=BESIDE)
+def test_a_subprogram_that_has_a_file_beside_its_own_place_is_refused(tmp_path, calling, called):
     """LinuxCNC reads 100.ngc, because it has not met the beginning in the file of the call yet."""
-    main = "G21 G90 G54\nG0 X9 Y9 Z9\no100 call\nM2\no100 sub\nG1 X2 F100\no100 endsub\n"
-    folder = written(tmp_path, {"main.ngc": main, "100.ngc": "o100 sub\nG1 X7 F100\no100 endsub\nM2\n"})
+    folder = written(tmp_path, {"main.ngc": f"G21 G90 G54\nG0 X9 Y9 Z9\n{calling}", "100.ngc": called})
     assert linuxcnc(folder / "main.ngc")[-1, 0] == 7.0
     with pytest.raises(UserError, match=r"main\.ngc:3: .*100\.ngc is a file of O100 too"):
         corrected(folder / "main.ngc", tmp_path / "out")

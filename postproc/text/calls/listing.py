@@ -110,7 +110,7 @@ class Listing:
         found = own or [i for i in labelled if self._file(i) == 0 and not local]
         if found or local:
             inside = self._one(found, name, "the file")
-            if begun:
+            if not local:
                 self.files.refuse_beside(name, inside)
             return inside + 1
         first = self.files.first_block(name, at)
