@@ -17,7 +17,6 @@ from postproc.heidenhain.datum_transformations import DatumTransformations
 from postproc.heidenhain.modal_state import ModalState
 from postproc.heidenhain.variables import QParameters
 from postproc.text.block import Block
-from postproc.text.expressions import NotKnown
 
 UPRIGHT = 1e-4
 """rad: a tool that leans no more is perpendicular, as angles are written with three decimals."""
@@ -48,9 +47,9 @@ class Channel(channel.Channel):
         return value
 
     def set_by_control(self, statement: str) -> None:
-        """Mark the parameters as unknown that a statement makes the control set."""
+        """Forget the parameters that a statement makes the control set."""
         for number in SET_BY_CONTROL.get(statement, ()):
-            self.scope.set("Q", (float(number),), NotKnown(f"{statement} makes the control set it"))
+            self.scope.values.pop(("Q", float(number)), None)
 
     # ---- moves
 

@@ -17,7 +17,7 @@ from postproc.control_data.tool_tables.form import Form
 _WORD = re.compile(
     r"(?:(?P<whole>[TP])(\d+)|(?P<number>[XYZABCUVWDIJQ])([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?))", re.I
 )
-_NAMES_TOOL = re.compile(r"T[^A-Z]*\d", re.I)
+_NAMES_TOOL = re.compile(r"(?:^|\s)T\s*[-+]?\d", re.I)
 """Something that may be the number of a tool."""
 _SIDEWAYS = "XYABCUVW"
 
