@@ -114,6 +114,12 @@ def test_what_is_no_rectangle_is_refused(command, name, monkeypatch, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_equal_diagonals_are_square(command):
+    found, printed = squared(command, "--ac", 300, "--bd", 300, "--ad", 200)
+    assert found["squareness_urad"] == 0.0
+    assert "Y is square to X, to 1.42 mm in 300 mm" in printed
+
+
 def test_inches_are_asked_about(command):
     _, printed = squared(command, "--ac", 12.559, "--bd", 12.52, "--ad", 7.835, "--u", 0.02)
     assert "lengths are in mm, not in inches" in printed

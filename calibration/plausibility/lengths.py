@@ -14,6 +14,7 @@ import numpy as np
 from scipy import special
 
 from calibration.instruments.lengths.geometry import RULER, pairs_of
+from calibration.instruments.lengths.reading import UNNAMED
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.plausibility.finding import Finding
@@ -41,6 +42,9 @@ class _Lengths:
     """The lengths of a measurement."""
 
     names: list[str]
+    """As the rows name them, else their lines."""
+    labels: list[str]
+    """With their lines, for the beginning of a message."""
     chords: Array
     """From the first to the second position `(n, 3)`, mm, of the nominal machine."""
     measured: Array
@@ -56,9 +60,11 @@ class _Lengths:
         variance = equations.covariance(measurement)[:, 0, 0]
         measured = measurement.observed[second, 0] - measurement.observed[first, 0]
         bent = BENT_MM + BENT_PER_MM * measured
-        names = [f"{_line(measurement, row)}: {_name(measurement, row)}" for row in first.tolist()]
+        names = [_name(measurement, row) or _line(measurement, row) for row in first.tolist()]
+        places = [_line(measurement, row) for row in first.tolist()]
+        labels = [place if name == place else f"{place}: {name}" for name, place in zip(names, places, strict=True)]
         u = np.sqrt(variance[first] + variance[second] + bent**2)
-        return cls(names, points[second] - points[first], measured, u)
+        return cls(names, labels, points[second] - points[first], measured, u)
 
     @property
     def nominal(self) -> Array:
@@ -110,8 +116,9 @@ def _line(measurement: Measurement, row: int) -> str:
 
 
 def _name(measurement: Measurement, row: int) -> str:
-    """Name of a length without that of its file and its line."""
-    return str(measurement.groups[row]).rpartition(":")[2].partition(" (line")[0]
+    """Name of a length without that of its file and its line; empty for one without a name."""
+    name = str(measurement.groups[row]).rpartition(":")[2].partition(" (line")[0]
+    return "" if name == UNNAMED else name
 
 
 def _wrong_sizes(lengths: _Lengths) -> Iterator[str]:
@@ -122,20 +129,20 @@ def _wrong_sizes(lengths: _Lengths) -> Iterator[str]:
         if len(off) == len(ratios) > 0 and np.all(np.abs(ratios * factor - 1.0) < NEAR):
             k = off[0]
             yield (
-                f"{lengths.names[k]}: {lengths.measured[k]:g} between positions {rounded(lengths.nominal[k], 5)} mm "
+                f"{lengths.labels[k]}: {lengths.measured[k]:g} between positions {rounded(lengths.nominal[k], 5)} mm "
                 f"apart, and the same factor in all rows: the lengths are in {unit}; write them in mm"
             )
             return
     for k in off:
         alike = [j for j in range(len(ratios)) if abs(lengths.measured[k] / lengths.nominal[j] - 1.0) < NEAR]
-        others = " or ".join(dict.fromkeys(lengths.names[j].partition(": ")[2] for j in alike))
+        others = " or ".join(dict.fromkeys(lengths.names[j] for j in alike))
         hint = (
             f"it fits the positions of {others}: are the positions of two rows exchanged?"
             if alike
             else "correct the length or the positions; a machine that errs so much needs other steps per mm first"
         )
         yield (
-            f"{lengths.names[k]}: {lengths.measured[k]:g} mm between positions {rounded(lengths.nominal[k], 5)} mm "
+            f"{lengths.labels[k]}: {lengths.measured[k]:g} mm between positions {rounded(lengths.nominal[k], 5)} mm "
             f"apart: {hint}"
         )
 
@@ -165,11 +172,11 @@ def _contradiction(lengths: _Lengths) -> str:
         found = _chi2(lengths, np.delete(every, worst))[2]
         miss = (lengths.off[worst] - lengths.design[worst] @ found) * lengths.u[worst]
         return (
-            f"{lengths.names[worst]}: {lengths.measured[worst]:g} mm contradicts the other lengths, which say "
+            f"{lengths.labels[worst]}: {lengths.measured[worst]:g} mm contradicts the other lengths, which say "
             f"{rounded(lengths.measured[worst] - miss, 5)} mm whatever the scales and angles of the axes are: measure "
             "it again, correct the row, or delete it"
         )
-    names = ", ".join(f"{lengths.names[k].partition(': ')[2]} {lengths.measured[k]:g}" for k in blamed)
+    names = ", ".join(f"{lengths.names[k]} {lengths.measured[k]:g}" for k in blamed)
     most = max(chi2**0.5 * lengths.u[k] for k in blamed)
     return (
         f"the lengths contradict each other by about {rounded(most, 2)} mm whatever the scales and angles of the axes "

@@ -45,6 +45,8 @@ def rectangle_report(found: Rectangle, command: str) -> Report:
         f"(U, k=2), {plus_minus(lean * 1e6, big_u * 1e6, 0)} urad.",
         f"The corners at {closed} are smaller than 90 degrees, those at {opened} are larger.",
     ]
+    if not lean:
+        verdict = [f"{second} is square to {first}, to {big_u * RECTANGLE_MM:.2f} mm in 300 mm (U, k=2)."]
     if lean < big_u:
         verdict.append(
             "This is less than its uncertainty: the axes may be square. Measure a larger rectangle, or with calipers"

@@ -34,6 +34,8 @@ U_RULER, U_RULER_PER_M, U_GAUGE = "u_um", "u_um_per_m", "u_gauge_um"
 OBSERVED = "observed_mm"
 """Column of the observations after conversion."""
 SCATTER = "scatter_um"
+UNNAMED = "length"
+"""Name of a length whose row has none."""
 SAME_MM = 1e-6
 """Distance below which two ends are the same."""
 
@@ -168,7 +170,7 @@ def _add_length(cells: _Cells, row: int, rows: Rows) -> None:
         table.fault(row, LENGTH_MM, f"{length:g} is not above 0: correct it, or delete the row")
     u = cells.u(row, (U_RULER, U_RULER_PER_M), length * 1e-3, "lengths", "lengths") * 0.5**0.5
     line = int(table.lines[row])
-    texts = f"{cells.text(row, NAME) or 'length'} (line {line})", "length"
+    texts = f"{cells.text(row, NAME) or UNNAMED} (line {line})", "length"
     still = [0] * len(one)
     rows.add(one, still, texts, -length / 2.0, u, line)
     rows.add(two, still, texts, length / 2.0, u, line)
