@@ -158,7 +158,7 @@ FIRST, SECOND = Variable("#", (ONE,)), Variable("#", (TWO,))
         ("END1\n", End("WHILE", "DO1")),
         ("GOTO 2\n", Jump(TWO)),
         ("o100 while [#1 lt 3]\n", Begin("WHILE", "O100", Operation("LT", (FIRST, THREE)))),
-        ("o<X> call [1] [#2]\n", Call("O<x>", ((1, ONE), (2, SECOND)))),
+        ("o<X> call [1] [#2]\n", Call("O<x>", ((1, ONE), (2, SECOND)), begun=True)),
     ],
 )
 def test_statements(text, step):

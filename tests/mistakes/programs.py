@@ -33,7 +33,7 @@ MISTAKES = (
     line("G code that does not exist", "N70 G999 X200.", "G999 is not known", "take it out, or write its moves"),
     line("axis of another machine", "N70 X200. C45.", "machine gantry (w b X Y Z t) has no axis C", "check --machine"),
     line("inches on a millimetre set-up", "N70 G20 X200. Y150.", "X would go to 5080.0000 mm", "--no-travel-check lets it pass"),
-    line("subprogram in another file", "N70 M98 P9001", "the file has no subprogram O9001", "write it into the file"),
+    line("subprogram in another file", "N70 M98 P9001", "the file has no subprogram O9001", "give its folder by --subprograms"),
     line("jump to nowhere", "N70 GOTO 999", "no block with the label 999", "write it or correct the jump"),
     line("loop without its end", "N70 WHILE [#1 LT 5] DO1", "the end of this loop", "is missing: write it"),
     line("scale without a decimal point", "N70 G51 X0 Y0 Z0 P2", "the unit of a scale", "write the decimal point"),
@@ -77,7 +77,7 @@ MISTAKES = (
     file("message that is not closed", "part.mpf", 'N10 G17 G90 G54\nN20 MSG("open\nM30\n', "is not understood", "correct the block", "part.mpf:2: "),
     file("circle without its centre", "part.h", KLARTEXT.replace("3 END", "3 C X+20 Y+10 DR+\n4 END"), "has no pole", "write CC before it", "part.h:4: "),
     file("parameter without its formula", "part.h", KLARTEXT.replace("2 L X+10 Y+10 R0 FMAX", "2 FN 0: Q1 ="), "the block is not complete", "complete it", "part.h:3: "),
-    file("program of another file", "part.h", KLARTEXT.replace("3 END", "3 CALL PGM OTHER.H\n4 END"), "other programs are not followed", "calls_leave_state = true", "part.h:4: "),
+    file("program of another file", "part.h", KLARTEXT.replace("3 END", "3 CALL PGM OTHER.H\n4 END"), "its file is not in the folder of the program", "give its folder by --subprograms", "part.h:4: "),
     file("zero byte within a line", "in.nc", PROGRAM.replace("X200.", "X200.\0"), "is a binary file", "the file that the CAM has posted"),
     Mistake("device that never ends", f"/dev/zero {TAIL}", "program /dev/zero", "blank or NUL characters", "the file that the CAM has posted"),
 )  # fmt: skip
