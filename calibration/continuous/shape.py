@@ -1,39 +1,42 @@
-"""The error curve of continuous runs of one direction, up to a straight line: a Gaussian process on a band of nodes.
+"""The error curve of continuous runs of one direction, up to a straight line: the error motion of every measurement.
 
-The curve is linear between nodes. Its prior is an integrated Wiener process (of order 2, a cubic smoothing spline, or
-of order 1, a random walk), with the amplitude and order of the largest evidence. Its precision at the nodes is a band
-matrix, and so is the contribution of whitened samples, so that the cost for a run of any length depends on its nodes.
-Jumps, waves, and the straight lines of further runs are columns beside the band (Schur complement).
+It is a sum of Legendre polynomials of a high degree whose bands share sizes that the data decide
+(`calibration.gaussian_terms.geometry`). Its line, jumps, waves, and the lines of further runs have no limit.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_matrix, diags
 
 from calibration.continuous.error_curve import Course
 from calibration.continuous.noise import Noise
+from calibration.gaussian_terms.geometry import Bands, keys_of, prior_sizes, summed
+from calibration.gaussian_terms.posterior import Equations, Posterior
+from calibration.single_axis.error_curves import STATED, UNLIMITED
+from kinematics.basis import Legendre
+from kinematics.effects import ErrorMotion
+from kinematics.error_model.priors import PRIORS
 from kinematics.transforms import Array
 
-NODES = 4096
-PER_NODE = 4
-"""Least number of blocks between two nodes."""
-LEAST_NODES = 64
-WIDEST = {1: (-8.0, 16.0), 2: (-8.0, 28.0)}
-"""Range of the natural logarithm of the prior's precision in units of the noise's, by order of the prior."""
-TRIED = 13
-RIDGE = 1e-13
+PER_DEGREE = 8
+"""Least number of blocks for each degree."""
+MOST_DEGREE = 480
+"""Largest degree: waves of a 240th of the travel; shorter ones are found as cyclic errors."""
+STEPS, ROUNDS = 60, 3
+"""Most steps of the sizes, and how often the noise is found again."""
+SEEN = 0.5
+"""Share of a coefficient that the data determine, the prior the rest, below which they do not show it."""
 
 
 @dataclass(frozen=True)
 class Extra:
-    """Functions of position in the curve in addition to the process: jumps and waves."""
+    """Functions of position in the curve in addition to the polynomials: jumps and waves."""
 
     jumps: tuple[float, ...] = ()
     """Positions of the jumps, mm."""
@@ -56,22 +59,14 @@ class Extra:
 class Shape:
     """The curve of one direction, up to a straight line, with its covariance."""
 
-    nodes: Array
-    """Positions of the nodes `(m,)`, mm."""
+    basis: Legendre
     extra: Extra
-    factor: Array
-    """Cholesky factor of the band, lower form."""
-    beside: Array
-    """Solution of the band for the columns beside it `(m, k)`."""
-    left: Array
-    """Inverse of the Schur complement of these columns `(k, k)`."""
-    values: Array
-    """Values of the process at the nodes `(m,)`, um."""
-    amounts: Array
-    """Coefficients of the columns beside it `(k,)`: jumps, waves, then lines of further runs, um."""
-    order: int
+    mean: Array
+    """Coefficients `(p,)`, um: of the polynomials, of jumps and waves, of the lines of further runs."""
+    spread: Array
+    """Their covariance `(p, p)`, um2."""
     finest_mm: float
-    """Wavelength, mm, at which process and noise have equal power: finer detail cannot be separated from noise."""
+    """Wavelength, mm, of the largest degree that the data show: finer detail cannot be separated from noise."""
     grain: float
     """Distance of the blocks, mm: the uncertainty range of a jump's position."""
     noise_scale: float
@@ -80,28 +75,38 @@ class Shape:
     @property
     def interval(self) -> tuple[float, float]:
         """Ends of the range in which the curve is known, mm."""
-        return float(self.nodes[0]), float(self.nodes[-1])
+        return self.basis.interval
+
+    @property
+    def amounts(self) -> Array:
+        """Sizes of jumps and waves `(k,)`, um."""
+        return self.mean[self._extra]
+
+    @property
+    def _extra(self) -> slice:
+        return slice(self.basis.size, self.basis.size + self.extra.size)
+
+    def _rows(self, x: Array) -> Array:
+        """Derivatives of the curve `(n, size + k)` by its coefficients; constant beyond the ends."""
+        return np.concatenate([self.basis.columns(np.clip(x, *self.interval)), self.extra.columns(x)], axis=1)
 
     def at(self, x: Array) -> Array:
         """The curve at positions `(n,)`, um."""
-        own = self.extra.size
-        return np.asarray(_hats(self.nodes, x) @ self.values + self.extra.columns(x) @ self.amounts[:own])
+        return np.asarray(self._rows(x) @ self.mean[: self._extra.stop])
 
     def covariance(self, x: Array) -> Array:
         """Covariance of the curve `(n, n)`, um2, at positions `(n,)`, mm."""
-        hats = _hats(self.nodes, x).toarray()
-        inner = hats @ cho_solve_banded((self.factor, True), hats.T)
-        sensitivity = self.extra.columns(x) @ np.eye(self.extra.size, self.left.shape[0]) - hats @ self.beside
-        return np.asarray(inner + sensitivity @ self.left @ sensitivity.T)
+        rows, own = self._rows(x), slice(0, self._extra.stop)
+        return np.asarray(rows @ self.spread[own, own] @ rows.T)
 
-    @property
+    @cached_property
     def steepest(self) -> float:
         """Largest slope of the curve between its jumps, um per mm."""
-        x = np.linspace(*self.interval, 4 * len(self.nodes))
-        rows = np.array([0] * len(self.extra.jumps) + [1] * (self.extra.size - len(self.extra.jumps)))
-        smooth = _hats(self.nodes, x) @ self.values
-        smooth = smooth + self.extra.columns(x) @ (rows * self.amounts[: self.extra.size])
-        return float(np.abs(np.diff(smooth)).max() / (x[1] - x[0]))
+        x = np.linspace(*self.interval, 8 * self.basis.size)
+        smooth = np.array([False] * len(self.extra.jumps) + [True] * (self.extra.size - len(self.extra.jumps)))
+        own = np.concatenate([np.ones(self.basis.size, bool), smooth])
+        values = self._rows(x) @ np.where(own, self.mean[: self._extra.stop], 0.0)
+        return float(np.abs(np.diff(values)).max() / (x[1] - x[0]))
 
     def u_near_jumps(self, x: Array) -> Array:
         """Standard uncertainty `(n,)`, um, close to jumps, because the side on which a position lies is unknown."""
@@ -112,152 +117,53 @@ class Shape:
 
     def amount_covariance(self) -> Array:
         """Covariance of jumps and waves `(k, k)`, um2."""
-        own = self.extra.size
-        return self.left[:own, :own]
+        return self.spread[self._extra, self._extra]
 
 
 def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -> Shape:
     """The curve of the courses of one direction."""
-    equations = _equations(courses, noises, extra)
-    tried = [_most_likely(equations, order) for order in (1, 2)]
-    order = 1 + int(tried[1].evidence > tried[0].evidence)
-    best = tried[order - 1]
-    speed, low = courses[0].speed, noises[0].low
-    # wavelength at which the spectrum of the process, s2 / (2 pi f)^(2 order), falls below that of the noise
-    strength = best.scale**2 * np.exp(-best.logarithm)
-    finest = 2.0 * np.pi * (0.5 * low * speed / strength) ** (0.5 / order)
-    k = equations.beside.shape[1]
-    return Shape(
-        equations.nodes,
-        extra,
-        best.factor / best.scale,
-        best.columns[:, :k],
-        best.left * best.scale**2,
-        best.values,
-        best.amounts,
-        order,
-        float(finest),
-        float(np.median(np.abs(np.diff(courses[0].x)))),
-        best.scale,
-    )
-
-
-@dataclass(frozen=True)
-class _Equations:
-    """Normal equations of all courses: the band of the nodes, and the columns beside it."""
-
-    nodes: Array
-    band: Array
-    """Band `(bandwidth, m)`, lower form."""
-    right: Array
-    beside: Array
-    """Products of nodes and columns `(m, k)`."""
-    own: Array
-    """Products of columns `(k, k)`."""
-    own_right: Array
-    squares: float
-    count: int
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """Solution for one amplitude of the prior, in units of the noise."""
-
-    evidence: float
-    logarithm: float
-    """Logarithm of the prior's precision in units of the noise's, ln(1 / (um2 per mm^(2 order - 1)))."""
-    scale: float
-    """Ratio of the estimated noise to the given noise."""
-    factor: Array
-    columns: Array
-    left: Array
-    values: Array
-    amounts: Array
-
-
-def _equations(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -> _Equations:
     low = min(float(course.x.min()) for course in courses)
     high = max(float(course.x.max()) for course in courses)
-    count = int(min(max(max(map(len, courses)) // PER_NODE, LEAST_NODES), NODES))
-    nodes = np.linspace(low, high, count)
-    k = extra.size + 2 * (len(courses) - 1)
-    sums = csr_matrix((count, count))
-    right, beside, own, own_right = np.zeros(count), np.zeros((count, k)), np.zeros((k, k)), np.zeros(k)
-    squares, rows = 0.0, 0
+    degree = min(max(map(len, courses)) // PER_DEGREE, MOST_DEGREE)
+    basis = Legendre((low, high), degree)
+    degrees = np.arange(basis.size)
+    others = extra.size + 2 * (len(courses) - 1)
+    keys = keys_of(ErrorMotion("X", "X", basis, (0.0,) * basis.size), degrees)
+    keys = [*[("", "", STATED)] * 2, *keys[2:], *[("", "", STATED)] * others]
+    prior = np.concatenate([np.where(degrees < 2, UNLIMITED, prior_sizes(degrees, PRIORS)), np.full(others, UNLIMITED)])
+    bands = Bands.of(keys, PRIORS)
+    whole = Equations.of(*_whitened(courses, noises, extra, basis, prior))
+    rows, factor = len(whole.residual), 1.0
+    for _ in range(ROUNDS):
+        scaled = Equations((), whole.residual / factor**0.5, whole.gram / factor, whole.along / factor)
+        sizes = bands.likeliest_sizes(scaled, PRIORS, STEPS)
+        bands = replace(bands, first_sizes=sizes)
+        posterior = Posterior.of(scaled, sizes[bands.bands], 1.0)
+        determined = posterior.determined(sizes[bands.bands])
+        left = whole.residual - whole.times(posterior.mean)
+        factor = max(float(left @ left), np.finfo(float).tiny) / (rows - float(determined.sum()))
+    wider = sizes * bands.wider(summed(bands.bands, determined, len(sizes)), PRIORS)
+    spread = Posterior.of(scaled, wider[bands.bands], 1.0).covariance * prior * prior[:, None]
+    shown = int(degrees[determined[: basis.size] > SEEN].max(initial=1))
+    grain = float(np.median(np.abs(np.diff(courses[0].x))))
+    return Shape(basis, extra, posterior.mean * prior, spread, 2.0 * (high - low) / shown, grain, factor**0.5)
+
+
+def _whitened(
+    courses: Sequence[Course], noises: Sequence[Noise], extra: Extra, basis: Legendre, prior: Array
+) -> tuple[Array, Array]:
+    """Whitened columns `(N, p)` of all courses, in units of their prior sizes, and the whitened errors `(N,)`."""
+    low, high = basis.interval
+    rows, observed = [], []
     for i, (course, noise) in enumerate(zip(courses, noises, strict=True)):
-        white = _whitener(course, noise)
-        hats = white @ _hats(nodes, course.x)
-        columns = np.zeros((len(course), k))
-        columns[:, : extra.size] = extra.columns(course.x)
+        lines = np.zeros((len(course), 2 * (len(courses) - 1)))
         if i:  # the first course defines the straight line that all others are compared to
-            line = extra.size + 2 * (i - 1)
-            columns[:, line] = 1.0
-            columns[:, line + 1] = (course.x - course.x.mean()) / (high - low)
-        columns, observed = white @ columns, white @ course.error
-        sums = sums + hats.T @ hats
-        right += hats.T @ observed
-        beside += hats.T @ columns
-        own += columns.T @ columns
-        own_right += columns.T @ observed
-        squares += float(observed @ observed)
-        rows += len(course)
-    width = int(np.max(np.abs(np.subtract(*sums.nonzero())), initial=2)) + 1
-    band = np.zeros((max(width, 3), count))
-    for offset in range(width):
-        band[offset, : count - offset] = sums.diagonal(-offset)
-    return _Equations(nodes, band, right, beside, own, own_right, squares, rows)
-
-
-def _most_likely(equations: _Equations, order: int) -> _Solved:
-    """The solution with the largest evidence for a prior of this order."""
-    from scipy.optimize import minimize_scalar
-
-    prior = _prior(equations, order)
-    grid = np.linspace(*WIDEST[order], TRIED)
-    evidence = [_solved(equations, prior, order, each).evidence for each in grid.tolist()]
-    best, step = float(grid[int(np.argmax(evidence))]), float(grid[1] - grid[0])
-    found = minimize_scalar(
-        lambda each: -_solved(equations, prior, order, float(each)).evidence,
-        bounds=(best - step, best + step),
-        method="bounded",
-        options={"xatol": 0.02},
-    )
-    return _solved(equations, prior, order, float(found.x))
-
-
-def _prior(equations: _Equations, order: int) -> Array:
-    """Precision of the process of amplitude 1 at the nodes, as a band in lower form."""
-    m, apart = len(equations.nodes), float(equations.nodes[1] - equations.nodes[0])
-    kernel = np.array([-1.0, 1.0] if order == 1 else [1.0, -2.0, 1.0])
-    band = np.zeros_like(equations.band)
-    for i, left in enumerate(kernel.tolist()):
-        for j, other in enumerate(kernel.tolist()[: i + 1]):
-            offset = i - j
-            band[offset, j : j + m - order] += left * other
-    return band / apart ** (2 * order - 1)
-
-
-def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -> _Solved:
-    """The solution for a prior precision of exp(logarithm) times `prior`, with its log evidence."""
-    m, k = equations.beside.shape
-    whole = equations.band + np.exp(logarithm) * prior
-    whole[0] += RIDGE * whole[0].max()  # only the prior determines nodes without a block
-    factor = cholesky_banded(whole, lower=True)
-    columns = cho_solve_banded((factor, True), np.column_stack([equations.beside, equations.right]))
-    schur = equations.own - equations.beside.T @ columns[:, :k]
-    left = np.asarray(np.linalg.pinv(schur, rcond=1e-12, hermitian=True), float) if k else np.zeros((0, 0))
-    amounts = left @ (equations.own_right - equations.beside.T @ columns[:, k])
-    values = columns[:, k] - columns[:, :k] @ amounts
-    free = equations.count - order - k
-    unexplained = max(float(equations.squares - equations.right @ values - equations.own_right @ amounts), 1e-300)
-    determinant = 2.0 * float(np.log(factor[0]).sum()) + (float(np.linalg.slogdet(schur)[1]) if k else 0.0)
-    apart = float(equations.nodes[1] - equations.nodes[0])
-    pseudo = math.log(m) if order == 1 else math.log(m**2 * (m**2 - 1.0) / 12.0)
-    of_prior = (m - order) * (logarithm - (2 * order - 1) * math.log(apart)) + pseudo
-    evidence = 0.5 * (of_prior - determinant - free * math.log(unexplained))
-    return _Solved(
-        float(evidence), logarithm, float(np.sqrt(unexplained / free)), factor, columns, left, values, amounts
-    )
+            lines[:, 2 * i - 2] = 1.0
+            lines[:, 2 * i - 1] = (course.x - course.x.mean()) / (high - low)
+        white = _whitener(course, noise)
+        rows.append(white @ (np.concatenate([basis.columns(course.x), extra.columns(course.x), lines], axis=1) * prior))
+        observed.append(white @ course.error)
+    return np.concatenate(rows), np.concatenate(observed)
 
 
 def _whitener(course: Course, noise: Noise) -> csr_matrix:
@@ -269,13 +175,3 @@ def _whitener(course: Course, noise: Noise) -> csr_matrix:
     parts: list[Any] = [np.where(follows, noise.filter[0] / noise.innovation, 1.0 / noise.total)]
     parts += [np.where(follows, a / noise.innovation, 0.0)[j:] for j, a in enumerate(noise.filter[1:], start=1)]
     return csr_matrix(diags(parts, [-j for j in range(order + 1)]))
-
-
-def _hats(nodes: Array, x: Array) -> csr_matrix:
-    """Linear interpolation `(n, m)` between nodes; constant beyond the ends."""
-    number = np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0.0, len(nodes) - 1.0)
-    below = np.minimum(number.astype(int), len(nodes) - 2)
-    share = number - below
-    rows = np.repeat(np.arange(len(x)), 2)
-    columns = np.stack([below, below + 1], axis=1).ravel()
-    return csr_matrix((np.stack([1.0 - share, share], axis=1).ravel(), (rows, columns)), (len(x), len(nodes)))

@@ -107,9 +107,8 @@ def _quasi_static_json(found: Estimate) -> dict[str, Any]:
 def _shape_json(each: OneDirection) -> dict[str, Any]:
     """The shape of the error in one direction."""
     return {
-        "prior_order": each.shape.order,
         "finest_mm": each.shape.finest_mm,
-        "nodes": len(each.shape.nodes),
+        "degree": each.shape.basis.degree,
         "bound_to_time": _frequencies(each.found.bound_to_time),
     }
 
@@ -221,8 +220,7 @@ def _facts(found: Estimate, data: Data) -> Iterator[tuple[str, str]]:
         f"uncertainty of one {spread.noise:.2g} um ({specified}, {spread.free} degrees of freedom)",
     )
     for sign, each in found.by_direction.items():
-        kind = "cubic spline" if each.shape.order == 2 else "random walk"
-        yield "detail", f"{DIRECTION_NAMES[sign]}: {kind}; details above noise down to {each.shape.finest_mm:.3g} mm"
+        yield "detail", f"{DIRECTION_NAMES[sign]}: above noise down to {each.shape.finest_mm:.3g} mm"
     if (reversal := _reversal(found)) is not None:
         yield (
             "reversal",

@@ -14,7 +14,10 @@ import numpy as np
 
 from kinematics.transforms import read_only
 
-BANDS = ((0, 1), (2, 3), (4, 6), (7, 10), (11, 15), (16, 1000))
+BANDS = (
+    *((0, 1), (2, 3), (4, 6), (7, 10), (11, 15), (16, 22), (23, 32), (33, 46), (47, 65), (66, 92), (93, 130)),
+    *((131, 185), (186, 262), (263, 1000)),
+)
 """First and last degree of each band, whose coefficients share one size: about half an octave each."""
 SIZES = read_only(np.array([0.1, 0.3, 1.0, 3.0, 10.0]))
 """Sizes of a term that may be there, in its typical sizes, equally likely: log-uniform over two decades."""
