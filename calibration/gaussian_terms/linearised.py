@@ -26,7 +26,10 @@ def linearised(structure: Structure) -> Structure:
         observations = structure.data.observations.about(mean_errors(structure))
         if _change(structure, observations) < SETTLED:
             break
-        structure = replace(structure, data=Data.of(observations)).fitted()
+        structure = replace(
+            structure,
+            data=Data.of(observations, asked=structure.data.asked),
+        ).fitted()
     return structure
 
 
