@@ -27,7 +27,7 @@ from short_measurements.designs import DESIGNS
 
 import ncomp
 from calibration.fit.calibrate import calibrate
-from calibration.fit.written.calibrated import calibrated
+from calibration.gaussian_terms.calibrated import calibrated
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.measurement.measurement import Measurement

@@ -160,8 +160,8 @@ LASER = {
     "readings for deviations": (times(1e3, "deviation_um"), "instead of deviations"),
     "axes exchanged": (exchanged("X", "Y"), "differs from the target"),
     "dead instrument": (constant("deviation_um"), "observations are the same"),
-    "six rows": (only(6), "predicts held-out"),
-    "four rows": (only(4), "predicts held-out"),
+    "six rows": (only(6), "repeat the runs"),
+    "four rows": (only(4), "repeat the runs"),
     "not a number": (not_a_number, "is no number"),
 }
 COMMANDS = {"fit": ("cframe", "dmu50", "laser", "part"), "diagnose": ("cframe", "laser"), "three-points": ("rounds",)}

@@ -4,15 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, with_stops
-from support.virtual_measurements import ONE, positions
+from shop_floor.question import ask
+from support.diagnosis_cases import CFRAME, data_with, fitted, with_stops
+from support.virtual_measurements import ONE, THREE, measured, positions
 
-from calibration.fit.calibrate import calibrate
+import machines
+from calibration.fit import noise
+from calibration.fit.fit import fit
+from calibration.fit.noise import with_estimated_noise
 from calibration.instruments import LaserTracker, Part
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
+from calibration.measurement.file import read_measurement
 from calibration.observation.equations import specified_covariance
+from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import whiteners
 from calibration.simulation.simulate import observe
+from kinematics.effects import StationShift
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
@@ -20,31 +27,78 @@ HALF = LaserTracker(u_range_um_per_m=0.25, u_angle_um=1.5, u_angle_um_per_m=1.5)
 """Specification with half of the noise of the virtual measurements."""
 
 
-def noise_of(data):
-    """The noise of the fit of a measurement; None where it is that of the specification."""
-    return calibrate(data, hold_out=False, force=True).fit.measurement.noise
-
-
 def test_data_as_specified_keep_their_noise():
-    assert noise_of(data_with(n=200, seed=5)) is None
+    assert with_estimated_noise(fitted(data_with(n=200, seed=5))).noise is None
 
 
 @pytest.mark.parametrize("rows_of_a_stop", [1, 3])
 def test_an_axis_that_does_not_repeat_is_found_by_name_and_size(rows_of_a_stop):
     data = with_stops(rows_of_a_stop, {0: 0.025})
-    found = noise_of(data)
+    found = with_estimated_noise(fitted(data)).noise
     assert found is not None
     assert list(found.non_repeatability) == ["X"]
     assert found.non_repeatability["X"] == pytest.approx(0.025, rel=0.25)
     assert "X repeats to" in found.text
 
 
+@pytest.mark.parametrize(("size", "share"), [(0.003, 0.03), (0.025, 0.98)])
+def test_without_visits_larger_shifts_of_stops_are_likelier_to_recur(size, share):
+    again = replace(with_estimated_noise(fitted(with_stops(3, {0: 0.025}))).noise, non_repeatability={"X": size})
+    found = replace(again, revisited=False)
+    assert found.undecided
+    assert "unless the model lacks errors of this size that recur with the position" in found.text
+    assert (found.recurring["X"] / size) ** 2 == pytest.approx(share, abs=0.015)
+    assert (again.undecided, again.recurring, "unless" in again.text) == (False, {}, False)
+
+
 def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
     """Errors of stops that are several times the noise of the instrument."""
-    found = noise_of(with_stops(3, dict.fromkeys(range(3), 0.05)))
+    found = with_estimated_noise(fitted(with_stops(3, dict.fromkeys(range(3), 0.05)))).noise
     assert found is not None
     assert found.instrument_factor == 1.0
     assert list(found.non_repeatability.values()) == pytest.approx([0.05] * 3, rel=0.25)
+
+
+@pytest.mark.parametrize("start", [(1.0, 0.0, 0.0, 0.0), (1.0, 0.1, 0.0, 0.0), (4.0, 0.0, 0.0, 0.1)])
+def test_variances_that_rest_at_zero_grow_where_the_residuals_show_them(start):
+    found = fitted(with_stops(3, {0: 0.05, 1: 0.03}))
+    components = noise._Components.of(found, replace(found.measurement, noise=None), ("X", "Y", "Z"))
+    every = noise._estimate(components, np.array([1.0, 0.1, 0.1, 0.1])).estimate
+    resting = noise._estimate(components, np.array(start)).estimate
+    assert every is not None
+    assert resting is not None
+    assert np.flatnonzero(every.of_axes).tolist() == [0, 1]
+    assert resting.factor == every.factor
+    assert resting.of_axes == pytest.approx(every.of_axes, rel=0.01)
+
+
+def test_of_two_axes_that_explain_the_same_the_clearer_remains(tmp_path):
+    """X and Y are each uncertain beside the other; without both, the instrument would seem to be noisy."""
+    path = tmp_path / "data.csv"
+    path.write_text(ask("bad-repeat", "shift", "gantry", 1, 15001).sheet(), encoding="utf-8")
+    data = read_measurement(path, machines.load("gantry"))
+    data = replace(data, state=replace(data.state, station=np.full(len(data), "1")))
+    knock = StationShift(station="1", shift_um=(0.0,) * 3, turn_urad=(0.0,) * 3, since_s=1051.9)
+    model, prior = with_effects(data, dict.fromkeys("XYZ", BasisChoice("cubic", 8)), [knock], 0.5)
+    found = with_estimated_noise(fit(data, model, prior=prior)).noise
+    assert found is not None
+    assert found.instrument_factor == 1.0
+    assert list(found.non_repeatability) == ["Y"]
+
+
+def test_visits_that_do_not_see_an_axis_limit_none_of_its_variance():
+    rng = np.random.default_rng(4)
+    q = np.repeat(positions(CFRAME, 70, rng), 3, axis=0)
+    found = fitted(measured(CFRAME, rng.permutation(q), THREE, no_errors(CFRAME), rng))
+    seen = noise._Components.of(found, found.measurement, ["X", "Y", "Z"])
+    large = noise._Estimate(1.0, np.array([400.0, 0.0, 0.0]))
+    blind = replace(seen, arms=np.where(seen.stop[:, None, None] == seen.stop[0], 0.0, seen.arms))
+    shifted = replace(seen, residual=seen.residual + 3.0 * rng.normal(size=(len(q), 1)) * seen.arms[:, :, 0])
+    shifted_blind = replace(shifted, arms=blind.arms)
+    for all_of_them, others in ((seen, blind), (shifted, shifted_blind)):
+        of_all, of_others = (each.repeated(large).of_axes[0] for each in (all_of_them, others))
+        assert of_others == pytest.approx(of_all, rel=0.02)
+    assert of_all > 1.0
 
 
 def test_decorrelated_rows_of_a_stop_are_white():
@@ -79,7 +133,18 @@ def test_a_part_measured_in_two_coordinates_has_the_noise_of_its_measuring_machi
     state = State(q, target=np.full(200, "1"))
     part = Part(1.0, components=2)
     data = observe(CFRAME, no_errors(CFRAME), state, part, rng, None, ONE, noise_scale=2.0)
-    noise = noise_of(data)
+    noise = with_estimated_noise(fitted(data)).noise
     assert noise is not None
     assert noise.instrument_factor**0.5 == pytest.approx(2.0, rel=0.15)
     assert not noise.non_repeatability
+
+
+@pytest.mark.parametrize("other", [{}, {0: 0.003}, {1: 0.05}, {0: 0.05, 1: 0.05, 2: 0.05}])
+def test_an_estimate_that_begins_at_that_of_another_fit_is_the_same(other):
+    """Also at one with other axes: those come back, or fall."""
+    found = fitted(with_stops(3, {0: 0.05, 1: 0.03}))
+    alone, near = noise.WithNoise.of(found), noise.WithNoise.of(fitted(with_stops(3, other)))
+    beside = noise.WithNoise.of(found, near)
+    assert (near.variances is None) == (max(other.values(), default=0.0) < 0.01)
+    assert beside.whole.noise.instrument_factor == alone.whole.noise.instrument_factor
+    assert beside.whole.noise.non_repeatability == pytest.approx(alone.whole.noise.non_repeatability, rel=0.01)

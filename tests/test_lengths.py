@@ -168,9 +168,8 @@ def test_a_square_shows_squareness_whatever_way_it_lies(command, folder):
     text = DIAL_HEAD + "# u_square_urad: 30\n" + DIAL + square_rows(0.002, 0.0, 0.005, "1")
     effects, _, _ = fitted(command, folder, text)
     assert effects["E_C0Y"].value == pytest.approx(-2000.0, abs=5.0)
-    # two legs of two readings, 5 um over 200 mm each, and the angle of the square; both axes may also bend
-    straight = np.sqrt(2 * (5.0 * np.sqrt(2) / 0.2) ** 2 + 30.0**2)
-    assert straight < effects["E_C0Y"].u[0] < 1.3 * straight
+    # two legs of two readings, 5 um over 200 mm each, and the angle of the square
+    assert effects["E_C0Y"].u[0] == pytest.approx(np.sqrt(2 * (5.0 * np.sqrt(2) / 0.2) ** 2 + 30.0**2), rel=0.05)
 
 
 def test_the_square_turned_round_shows_its_own_error(command, folder):

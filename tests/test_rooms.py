@@ -16,7 +16,10 @@ ROOMS = ("calibration", "kinematics", "postproc", "rendering")
 TESTS_OF_CLASSES = {
     # the lists of a model by class, which other rooms use
     "kinematics/error_model/model.py": 2,
-    "calibration/fit/written/merged.py": 4,
+    # curves in place of error motions
+    "calibration/fit/curves/between_positions.py": 1,
+    "calibration/fit/omitted_waves.py": 1,
+    "calibration/gaussian_terms/given/merged.py": 4,
     # products of error motions, and their turn about another point
     "calibration/observation/mean_lines.py": 3,
     "calibration/observation/products.py": 1,

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from calibration.diagnosis.conclusion.verdict import CLEAR
 from calibration.diagnosis.search import DOUBTFUL, STEPS
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.structure import CLEAR, Data, Structure
+from calibration.gaussian_terms.structure import Data, Structure
 from calibration.measurement.measurement import Measurement
 
 

@@ -1,9 +1,9 @@
-"""A calibration from start to end: terms, fit, datum, location errors, identifiability, cross-validation."""
+"""A calibration from start to end: basis, fit, datum, location errors, identifiability, cross-validation."""
 
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -18,21 +18,25 @@ from calibration.fit.acceptance import (
     relative_deviations,
     significant_share,
 )
+from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
+from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.fit import Fit
-from calibration.fit.identifiability import LINE, Identifiability, identifiability, of_low_degrees
+from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import model_in_datum
+from calibration.fit.omitted_waves import OmittedWaves, with_curves_and_waves
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
+from calibration.fit.set_up.bases_and_noise import Wanted
 from calibration.fit.set_up.distances import distance_findings
-from calibration.fit.set_up.drift import Drift, with_drift
-from calibration.fit.set_up.explained import AUTO, Explained, Wanted, start_of
+from calibration.fit.set_up.drift import Drift, with_bases_noise_and_drift
 from calibration.fit.set_up.moved_spheres import moved_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
+from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import BasisChoice
+from calibration.observation.full_model import with_effects
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import usable
@@ -55,10 +59,8 @@ class Calibration(Shown, Judged):
     """The fit: residuals, um, outliers, and the registration of the instrument."""
     model: ErrorModel
     """The model to be written: in the datum, location errors as separate effects, with covariance."""
-    bases: Mapping[str, BasisChoice]
-    """Basis of the error motions of each axis."""
-    prior_scale: float | None
-    """Size of the error motions, in typical sizes; None where the data have decided those of each band of degrees."""
+    choice: Choice
+    """Bases of the error motions, and the evidence for them."""
     identifiability: Identifiability
     """Errors that the data do not show, by name."""
     before_rms_um: float
@@ -71,6 +73,8 @@ class Calibration(Shown, Judged):
     """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None
     """Prediction of held-out lines, regions of stops or cycles, um; None without one."""
+    between_positions: tuple[BetweenPositions, ...]
+    """Uncertainty between the positions of each axis that was measured at few; none for stated bases."""
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
     targets: tuple[TargetPosition, ...]
@@ -109,6 +113,7 @@ def calibrate(
     measurement: Measurement,
     *,
     basis: str = AUTO,
+    margin: int = 0,
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
     variance: Variance = "sheet",
@@ -119,40 +124,39 @@ def calibrate(
 ) -> Calibration:
     """Error motions of every axis that moves, and additional `effects`, from measured points.
 
-    basis: `auto`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. prior_scale: size of the error motions as a
-    multiple of the typical one; None leaves it to the data where the basis is automatic, else it is 1. valid_days:
-    period of validity, days, in the calibration; None for no statement. force: accept it nevertheless.
+    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: number of sizes by which
+    automatic bases are finer than the choice of the evidence. prior_scale: size of the error motions as a multiple of
+    the typical one; None leaves it to the evidence where the basis is automatic, else it is 1. valid_days: period of
+    validity, days, in the calibration; None for no statement. force: accept it nevertheless.
 
     NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
     findings, positions = checked(measurement, force=force)
     steps = 3 if hold_out else 2
-    wanted = Wanted(basis, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
-    drift = with_drift(at_positions(measurement, positions), wanted)
-    found = drift.fit
+    wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
+    drift = with_bases_noise_and_drift(at_positions(measurement, positions), wanted)
+    choice, found = drift.choice, drift.fit
     numbered(progress, 2, steps)("identifiability")
-    positions_of = measurement.distinct_positions
-    identified = identifiability(of_low_degrees(found, positions_of) if wanted.automatic else found)
-    least = identifiability(of_low_degrees(found, positions_of, LINE)) if wanted.automatic else identified
-    refuse_few([found], least)
-    both = (*wanted.effects, *drift.effects)
-    held_out = _held_out(drift.explained, both, variance, numbered(progress, steps, steps)) if hold_out else None
+    identified = identifiability(found)
+    refuse_few([found], identified)
+    both = replace(wanted, effects=(*wanted.effects, *drift.effects))
+    held_out = _held_out(found, choice, both, numbered(progress, steps, steps)) if hold_out else None
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
-    written = _model_of(drift, valid_days)
+    written, between, waves = _model_of(drift, valid_days, chosen=wanted.automatic)
     result = Calibration(
         fit=found,
         model=written,
-        bases=drift.explained.bases,
-        prior_scale=prior_scale if wanted.automatic else prior_scale or 1.0,
+        choice=choice,
         identifiability=identified,
         before_rms_um=before_rms_um,
         before_max_um=before_max_um,
         before_chi2_reduced=before_chi2_reduced,
         dependences=tuple(dependences(found)),
         cross_validation=held_out,
-        findings=(*findings, *_findings(drift, too_many)),
+        between_positions=between,
+        findings=(*findings, *_findings(drift, too_many, waves, chosen=wanted.automatic)),
         targets=tuple(positions),
         relative_deviation=relative_deviations(written, found.good),
         objection=too_many or reason_against(found, before, held_out),
@@ -163,13 +167,20 @@ def calibrate(
     return result
 
 
-def _model_of(drift: Drift, valid_days: float | None) -> ErrorModel:
-    """The model to be written, without the drift, with its provenance."""
-    found = drift.fit
-    source = f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}"
-    model = drift.model
-    made = provenance([found.measurement], model.effects, source, valid_days)
-    return msgspec.structs.replace(model, provenance=made)
+def _model_of(
+    drift: Drift, valid_days: float | None, *, chosen: bool
+) -> tuple[ErrorModel, tuple[BetweenPositions, ...], OmittedWaves | None]:
+    """The model to be written, the uncertainty between measured positions, and the waves that its bases lack.
+
+    Where drift and machine may be exchanged, its uncertainty contains the difference of both explanations. chosen: the
+    evidence has selected the bases.
+    """
+    curved, between, waves = with_curves_and_waves(drift.fit, chosen=chosen)
+    written = drift.left_out(_written(curved, valid_days))
+    if drift.other is not None:
+        other = drift.other.left_out(in_datum(with_curves_and_waves(drift.other.fit, chosen=chosen)[0]))
+        written = with_other(written, other, 1.0 - drift.probability)
+    return written, between, waves
 
 
 def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:
@@ -183,22 +194,31 @@ def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], li
     return [*findings, *target_findings(measurement, positions)], positions
 
 
-def _findings(drift: Drift, too_many: str) -> list[Finding]:
-    """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty."""
+def _findings(drift: Drift, too_many: str, waves: OmittedWaves | None, *, chosen: bool) -> list[Finding]:
+    """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty.
+
+    chosen: the evidence has selected the bases.
+    """
     found = drift.fit
     outliers = [Finding("outliers", too_many, False)] if too_many else []
+    lacking = [] if waves is None else waves.findings(chosen=chosen)
     negative = [Finding("backlash", note, False) for effect in found.model.effects if (note := effect.finding)]
-    return [*zero_findings(run_zeros(found)), *distance_findings(found), *drift.findings, *negative, *outliers]
+    return [
+        *zero_findings(run_zeros(found)),
+        *distance_findings(found),
+        *drift.findings,
+        *lacking,
+        *negative,
+        *outliers,
+    ]
 
 
-def _held_out(
-    explained: Explained, effects: Sequence[Effect], variance: Variance, progress: Progress
-) -> CrossValidation | None:
-    """The cross-validation of a fit with these effects."""
+def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) -> CrossValidation | None:
+    """The cross-validation of a fit."""
     progress("held-out residuals")
-    found = explained.fit
-    own: Variance = variance if found.measurement.noise is None else "sheet"
-    return cross_validate(found.good, start_of(explained.structure, effects), found.prior, own, found, progress)
+    start, _ = with_effects(found.measurement, choice.bases, wanted.effects, *choice.scales)
+    variance = wanted.variance if found.measurement.noise is None else "sheet"
+    return cross_validate(found.good, start, found.prior, variance, found, progress)
 
 
 def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
@@ -216,6 +236,14 @@ def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
 def in_datum(found: Fit) -> ErrorModel:
     """The fitted model in the datum, with its location errors."""
     return model_in_datum(found.model, found.measurement, found.prior)
+
+
+def _written(found: Fit, valid_days: float | None) -> ErrorModel:
+    """The fitted model in the datum, with its location errors and its provenance."""
+    source = f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}"
+    model = in_datum(found)
+    made = provenance([found.measurement], model.effects, source, valid_days)
+    return msgspec.structs.replace(model, provenance=made)
 
 
 def provenance(

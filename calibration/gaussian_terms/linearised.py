@@ -26,10 +26,7 @@ def linearised(structure: Structure) -> Structure:
         observations = structure.data.observations.about(mean_errors(structure))
         if _change(structure, observations) < SETTLED:
             break
-        structure = replace(
-            structure,
-            data=Data.of(observations, asked=structure.data.asked),
-        ).fitted()
+        structure = replace(structure, data=Data.of(observations)).fitted()
     return structure
 
 

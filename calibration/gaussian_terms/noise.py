@@ -24,8 +24,6 @@ RISE = 0.1
 """Rise of the log likelihood below which the steps end."""
 LEAST_FACTOR = 0.1
 """Smallest factor on the variance factor in one step."""
-EXACT = 1e-8
-"""Smallest variance factor, for exact data."""
 NEGLIGIBLE = 0.1
 """Standard deviation from stop to stop, um or urad, below which an axis counts as repeating."""
 
@@ -124,7 +122,7 @@ def likeliest_variances(moments: Sequence[Moments], theta: Array, median: float,
     """
     now = _likelihood(moments, theta, median)
     for _ in range(steps):
-        step, least = _fisher_step(theta, now), max(LEAST_FACTOR * theta[0], EXACT)
+        step, least = _fisher_step(theta, now), LEAST_FACTOR * theta[0]
         for _ in range(HALVINGS):
             new = np.maximum(theta + step, 0.0)
             new[0] = max(new[0], least)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.gaussian_terms.geometry import NOTHING, SETTLED, Asked, Geometry, geometry, stepped, summed
+from calibration.gaussian_terms.geometry import SETTLED, Geometry, geometry, stepped, summed
 from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, variances
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.outliers import outlying
@@ -32,8 +32,6 @@ SAME_FACTOR, SAME_REPEATS = 0.03, 0.1
 """Relative changes of the variance factor, and of the non-repeatability, below which the noise is found."""
 LEAST = 1e-3
 """Variance that the posterior gives a direction of the observations, in that of the noise, above which it counts."""
-CLEAR = 5.0
-"""Log odds from which something is clear: 150 to 1, strong evidence by the scale of Kass and Raftery."""
 SMALLEST = 0.5
 """Non-repeatability, um or urad, whose relative change counts in full."""
 
@@ -47,17 +45,15 @@ class Data:
     stops: Sequence[Stops]
     gross: np.ndarray
     """True `(n,)` for rows with gross errors, far beyond any error of a machine."""
-    asked: Asked = NOTHING
-    """What a user states."""
     least_factor: float = 0.0
     """Least factor of the noise; 1 where nothing below the specification is to be explained."""
 
     @classmethod
-    def of(cls, observations: Observations, always: Geometry | None = None, asked: Asked = NOTHING) -> Data:
+    def of(cls, observations: Observations, always: Geometry | None = None) -> Data:
         """The data of observations; always: columns that are always present, by default all error motions."""
         _, trusted = first_registration(observations.measurement)
-        always = geometry(observations, asked) if always is None else always
-        return cls(observations, always, stops_of(observations), ~trusted, asked)
+        always = geometry(observations) if always is None else always
+        return cls(observations, always, stops_of(observations), ~trusted)
 
 
 @dataclass(frozen=True)
@@ -115,26 +111,11 @@ class Structure:
         A squared size with m determined coefficients, and those of its prior, has an inverse gamma distribution: its
         mean is larger than its likeliest value.
         """
-        return replace(self.posterior, covariance=self.wider.posterior.covariance)
-
-    @property
-    def wider(self) -> Structure:
-        """The structure with the mean squares of the sizes of the bands, instead of the likeliest ones."""
         bands = len(self.band_sizes)
         determined = summed(self.groups, self.posterior.determined(self.sizes), bands)[:bands]
         larger = self.data.geometry.wider(determined, self.priors)
-        return self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
-
-    @cached_property
-    def not_repeating(self) -> dict[str, float]:
-        """Standard deviation of each axis from stop to stop, um or urad, where the data show it clearly."""
-        found = {}
-        for axis, size in self.noise.repeats.items():
-            others = {name: own for name, own in self.noise.repeats.items() if name != axis}
-            without = replace(self, noise=replace(self.noise, repeats=others))
-            if self.total - without.total > CLEAR:
-                found[axis] = size
-        return found
+        wider = self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
+        return replace(self.posterior, covariance=wider.posterior.covariance)
 
     @property
     def groups(self) -> np.ndarray:

@@ -8,16 +8,27 @@ independent of each other (`Decorrelation`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from kinematics.effects.base import unit_of
 from kinematics.transforms import Array
 
 NEGLIGIBLE = 0.1
 """Factor on the specified noise below which its value is not shown."""
+USUAL = 8.0
+"""Standard deviation from stop to stop, um or urad, above which an error that recurs is likelier (Type B).
+
+An axis that works repeats to a few um. The odds go with the fourth power of the size: 1 to 50 at 3 um, 20 to 1 at 17.
+"""
+UNLESS = (
+    ", unless the model lacks errors of this size that recur with the position: too few positions were measured again "
+    "to decide that"
+)
 LEAST = 1e-6
 """Least share of a row's variance that is its own, and not its stop's."""
 
@@ -29,11 +40,46 @@ class EstimatedNoise:
     instrument_factor: float
     """Factor on the variances of the instrument's specification."""
     non_repeatability: Mapping[str, float]
-    """Standard deviation of each axis from stop to stop, mm or rad; of the axes that show it clearly."""
+    """Standard deviation of each axis from stop to stop, mm or rad; of the axes in which it is significant."""
     stop: np.ndarray
     """Number of the stop of each row `(n,)`; the rows of a stop follow one another."""
     arms: Array
     """Change of the observations `(n, d, axes)`, mm, by one standard deviation of each axis that adds to the noise."""
+    misfit: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviation of each axis from position to position, mm or rad, that visits of one position share: an error
+    that the model lacks. Noise only where the uncertainty between the positions shall contain it."""
+    factor_of_visits: float | None = None
+    """`instrument_factor` without misfit, where visits of the same positions show it."""
+    revisited: bool = True
+    """False where too few positions were measured again to tell the noise of the instrument from misfit."""
+
+    @property
+    def undecided(self) -> bool:
+        """True where residuals are larger than specified, and nothing shows whether they are noise."""
+        return not self.revisited and (self.scatter > 1.0 or bool(self.non_repeatability))
+
+    @property
+    def larger(self) -> str:
+        """The noise that is larger than specified, as a clause."""
+        parts = ["the instrument scatters more than specified"] if self.scatter > 1.0 else []
+        if self.non_repeatability:
+            axes = list(self.non_repeatability)
+            parts.append(f"{', '.join(axes)} {'does' if len(axes) == 1 else 'do'} not repeat")
+        return " and ".join(parts)
+
+    @property
+    def recurring(self) -> Mapping[str, float]:
+        """Expected standard deviation of each axis, mm or rad, of errors that recur with the position.
+
+        Where nothing shows whether shifts from stop to stop recur: the larger they are, the likelier.
+        """
+        unknown = {} if self.revisited else self.non_repeatability
+        return {axis: off / math.hypot(1.0, (USUAL * unit_of(axis)[1] / off) ** 2) for axis, off in unknown.items()}
+
+    @property
+    def scatter(self) -> float:
+        """Factor on the instrument's variances, without misfit where visits of the same positions show it."""
+        return self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
 
     def rows(self, index: slice | np.ndarray) -> EstimatedNoise:
         """The same for some of the rows."""
@@ -47,13 +93,31 @@ class EstimatedNoise:
     def text(self) -> str:
         """The estimate in sentences for the report."""
         parts = []
-        if self.instrument_factor != 1.0:
-            root = self.instrument_factor**0.5
-            times = f"{root:.2g}" if root > NEGLIGIBLE else f"less than {NEGLIGIBLE:g}"
-            parts.append(f"The instrument scatters {times} times as much as specified.")
+        scatter = self.scatter
+        if scatter != 1.0:
+            times = f"{scatter**0.5:.2g}" if scatter**0.5 > NEGLIGIBLE else f"less than {NEGLIGIBLE:g}"
+            if scatter < 1.0 or self.revisited:
+                parts.append(f"The instrument scatters {times} times as much as specified.")
+            else:
+                parts.append(
+                    f"Residuals are {times} times as large as specified: the instrument scatters more, or the model "
+                    "lacks errors. Too few positions were measured again to decide that."
+                )
         if self.non_repeatability:
             sizes = [f"{axis} repeats to {_with_unit(axis, size)}" for axis, size in self.non_repeatability.items()]
-            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that.")
+            unless = "" if self.revisited else UNLESS
+            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that{unless}.")
+        if self.misfit:
+            sizes = [f"{axis} of {_with_unit(axis, size)}" for axis, size in self.misfit.items()]
+            parts.append(
+                f"The model lacks errors of {', '.join(sizes)} (standard deviation from position to position), the "
+                "same at each visit: the uncertainty contains them."
+            )
+        if self.instrument_factor > scatter:
+            parts.append(
+                f"Residuals are {self.instrument_factor**0.5:.2g} times as large as specified, and the same at each "
+                "visit of a position: the model lacks errors of that size, which the uncertainty contains."
+            )
         return " ".join(parts)
 
     def json(self) -> dict[str, Any]:
@@ -65,6 +129,7 @@ class EstimatedNoise:
         return {
             "instrument_factor": self.instrument_factor**0.5,
             "non_repeatability": micro(self.non_repeatability),
+            "misfit": micro(self.misfit),
         }
 
 

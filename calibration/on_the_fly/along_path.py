@@ -22,6 +22,8 @@ from kinematics.transforms import Array, Pose, turn
 from kinematics.user_error import UserError
 
 CELL_MM, CORNER_MM = 4.0, 5.0
+MARGIN = 1
+"""Steps by which the bases are refined beyond the evidence: dense readings resolve errors that it neglects."""
 MOST = 20_000
 """Largest number of cells of a measurement; a longer path has longer cells."""
 

@@ -12,10 +12,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
+from calibration.diagnosis.conclusion.verdict import CLEAR
 from calibration.diagnosis.conclusion.visibility import typical_gains
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.gaussian_terms.gains import log_gains_by_squares
-from calibration.gaussian_terms.structure import CLEAR, Data, Structure
+from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.error_model.priors import SIZES
 from kinematics.transforms import Array

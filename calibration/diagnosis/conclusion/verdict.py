@@ -18,10 +18,12 @@ import numpy as np
 from calibration.diagnosis.candidates import Candidates, by_family
 from calibration.diagnosis.search import DOUBTFUL
 from calibration.diagnosis.waves import waves
-from calibration.gaussian_terms.structure import CLEAR, Structure
+from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 
+CLEAR = 5.0
+"""Log odds from which something is clear: 150 to 1, strong evidence by the scale of Kass and Raftery."""
 ROUNDED = 2e-3
 """Relative error of log odds in single precision."""
 SURE = 100.0

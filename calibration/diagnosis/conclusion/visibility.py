@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
+from calibration.diagnosis.conclusion.verdict import CLEAR
 from calibration.diagnosis.waves import shortest_period
 from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.posterior import Posterior
-from calibration.gaussian_terms.structure import CLEAR, Structure
+from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect

@@ -10,12 +10,12 @@ import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
-from calibration.diagnosis.conclusion.verdict import Judged
+from calibration.diagnosis.conclusion.verdict import CLEAR, Judged
 from calibration.diagnosis.next.questions import ENOUGH, Known, Question, columns_of, questions
 from calibration.diagnosis.next.stacked_rows import StackedRows
 from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
-from calibration.gaussian_terms.structure import CLEAR, Structure
+from calibration.gaussian_terms.structure import Structure
 from calibration.observation.outliers import first_registration
 
 MOST = 6

@@ -15,9 +15,9 @@ from scipy import linalg
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
-from calibration.diagnosis.conclusion.verdict import Judged, Rival
+from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, Rival
 from calibration.gaussian_terms.gains import expected_gain
-from calibration.gaussian_terms.structure import CLEAR, Structure
+from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 

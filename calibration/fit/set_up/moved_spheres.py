@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.fit.bases.selection import coarse_fit
 from calibration.fit.fit import Fit
-from calibration.fit.set_up.explained import coarse_fit
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.spheres import moment
@@ -29,8 +29,6 @@ SIZE = 5.0
 """Least step, in units of the RMS residual."""
 DRIFT = 0.35
 """Largest second step, as a share of the first: a drift has steps of half its size before and behind each moment."""
-NEAR = 1
-"""Rows about the clearest moment that are tried too."""
 LIKELIER = 4.0
 """Factor by which the residuals of a drift of the tool must exceed those of a step, in squares."""
 ALIKE = 0.5
@@ -98,9 +96,7 @@ def _steps(found: Fit) -> Iterator[_Step]:
         first, removed = moment(residual, LEAST * len(spheres))
         left = float(np.sum((residual - residual.mean(axis=0)) ** 2)) - removed
         if 0.5 * residual.size * np.log1p(removed / max(left, 1e-300)) > CLEAR / 3.0:
-            # error motions take up a part of the step, which may shift it by a row
-            for near in range(max(first - NEAR, LEAST), min(first + NEAR, len(rows) - LEAST) + 1):
-                yield _Step(spheres, int(rows[near]))
+            yield _Step(spheres, int(rows[first]))
 
 
 def _renamed(measurement: Measurement, step: _Step) -> Measurement:

@@ -76,6 +76,7 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
     HEADER_KEYS = (SCALE_U, SQUARE_U)
     NEEDED = ((reading.U_RULER, reading.U_RULER_PER_M, reading.U_GAUGE),)
     MAY_BE_FEW = True
+    BASES = ("legendre",)
     IN_ORDER_OF_MOVES = False
 
     u_um: float = 0.0

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from calibration.fit.location_errors import model_in_datum
-from calibration.fit.written.merged import merged
+from calibration.gaussian_terms.given.merged import merged
 from calibration.gaussian_terms.structure import Structure
 from calibration.measurement.measurement import Measurement
 from calibration.observation.mean_lines import arms_of

@@ -5,10 +5,13 @@ An axis that does not repeat stops elsewhere, and one with errors finer than its
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
+from calibration.diagnosis.nameless import TYPICAL_FINE
+from calibration.gaussian_terms.structure import Structure
 from kinematics.basis import Basis
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
@@ -16,6 +19,18 @@ from kinematics.transforms import Array
 
 POSITIONS = 200
 """Positions over the range of an axis at which its stops are uncertain."""
+
+
+def of_next_stop(structure: Structure, repeats: Mapping[str, float]) -> dict[str, float]:
+    """Standard uncertainty of each axis at its next stop, um or urad, that no error motion holds.
+
+    repeats: standard deviation of each axis from stop to stop, where the data show it.
+    """
+    squares = {axis: size**2 for axis, size in repeats.items()}
+    for term, size in zip(structure.terms, structure.term_sizes, strict=True):
+        if term.kind == "fine" and not term.effects and term.where is not None:
+            squares[term.where] = squares.get(term.where, 0.0) + (size * TYPICAL_FINE) ** 2
+    return {axis: math.sqrt(square) for axis, square in squares.items()}
 
 
 def with_next_stop(model: ErrorModel, uncertain: Mapping[str, float]) -> ErrorModel:

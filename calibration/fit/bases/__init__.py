@@ -1,0 +1,1 @@
+"""Bases of the error motions: the search for them, and their evidence."""

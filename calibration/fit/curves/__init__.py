@@ -1,0 +1,1 @@
+"""Error motions as smooth curves between few measured positions."""
