@@ -117,7 +117,7 @@ def test_wide_characters_are_refused(tmp_path, dialect, encoding):
 def test_a_comment_that_goes_on_in_the_next_line_hides_no_block(tmp_path):
     path = tmp_path / "part.h"
     path.write_bytes(b"BEGIN PGM T MM\r; comment ~\rL X+1\rEND PGM T MM\r")
-    with pytest.raises(UserError, match="line 2 of the block"):
+    with pytest.raises(UserError, match="line 2 of this comment"):
         corrected(path, no_errors(GANTRY))
 
 

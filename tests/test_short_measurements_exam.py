@@ -53,12 +53,12 @@ def test_directions_of_unseen_states_are_measured_ones():
 def test_causes_count_by_kind_and_axis():
     case = Case("cframe", "sparse", "backlash", 5)
     own, other = AXES[case.axis], AXES[case.axis - 1]
-    named = {"kind": "backlash", "axis": own, "verdict": "strong"}
-    tied = {"kind": "settling", "axis": own, "verdict": "tied", "alternatives": [{"kind": "backlash", "axis": own}]}
-    false = {"kind": "backlash", "axis": other, "verdict": "weak"}
+    named = {"kind": "backlash", "axis": own, "verdict": "strong", "log10_odds": 3.0}
+    tied = {**named, "kind": "settling", "verdict": "tied", "alternatives": [{"kind": "backlash", "axis": own}]}
+    false = {"kind": "backlash", "axis": other, "verdict": "weak", "log10_odds": 3.0}
     assert judged(case, [named, false], None)["verdict"] == "named"
     assert judged(case, [named, false], None)["false"] == [f"backlash {other} weak"]
-    assert judged(case, [tied], None) == {"verdict": "tied", "false": [], "variables": None}
+    assert judged(case, [tied], None) == {"verdict": "tied", "false": [], "odds": [[3.0, True]], "variables": None}
     assert judged(case, [], {"variables": ["X"]})["verdict"] == "unexplained"
     assert judged(case, [], None)["verdict"] == "missed"
     slip = Case("cframe", "sparse", "stick-slip", 5)

@@ -126,9 +126,10 @@ def test_a_calibration_from_simulated_data_is_marked(prepared, case, simulated):
 
 
 def test_every_command_that_writes_a_calibration_is_tried():
-    """Those that simulate write the true errors, which are marked as a demonstration."""
+    """Those that simulate write the true errors, which are marked as a demonstration; `square` reads no data."""
     writers = {path.stem for path in COMMANDS.rglob("*.py") if any(name in path.read_text() for name in WRITERS)}
-    assert {name for name in writers if not name.startswith("simulate")} == {module for module, _, _ in CASES.values()}
+    tried = {name for name in writers if not name.startswith("simulate")} - {"square"}
+    assert tried == {module for module, _, _ in CASES.values()}
     assert {"simulate", "simulate_continuous", "simulate_on_the_fly"} < writers
 
 

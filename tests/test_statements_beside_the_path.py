@@ -117,9 +117,9 @@ def test_units_of_mach3(run):
 
 
 def test_a_program_elsewhere_is_named(run):
-    assert "EXTCALL calls a program that is not in this file" in refusal(
-        *run(SIEMENS + 'EXTCALL "SUB.SPF"\n', ending=".mpf")
-    )
+    said = refusal(*run(SIEMENS + 'EXTCALL "SUB.SPF"\n', ending=".mpf"))
+    assert 'EXTCALL "SUB.SPF"' in said
+    assert "give its folder by --subprograms" in said
 
 
 # ---- frames of Siemens: coarse and fine

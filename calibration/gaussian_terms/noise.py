@@ -24,6 +24,8 @@ RISE = 0.1
 """Rise of the log likelihood below which the steps end."""
 LEAST_FACTOR = 0.1
 """Smallest factor on the variance factor in one step."""
+DAMPING = 1e-9
+"""Share by which the information of each variance is raised: exact data may not tell two of them apart (Levenberg)."""
 NEGLIGIBLE = 0.1
 """Standard deviation from stop to stop, um or urad, below which an axis counts as repeating."""
 
@@ -149,7 +151,9 @@ def _fisher_step(theta: Array, now: _Likelihood) -> Array:
     free = np.ones(len(theta), bool)
     while True:
         step = np.zeros(len(theta))
-        step[free] = np.linalg.solve(now.information[np.ix_(free, free)], now.gradient[free])
+        information = now.information[np.ix_(free, free)]
+        information[np.diag_indices_from(information)] *= 1.0 + DAMPING
+        step[free] = np.linalg.solve(information, now.gradient[free])
         below = free & (theta <= 0.0) & (step < 0.0)
         if not below.any():
             return step

@@ -45,7 +45,7 @@ class Data:
     stops: Sequence[Stops]
     gross: np.ndarray
     """True `(n,)` for rows with gross errors, far beyond any error of a machine."""
-    least_factor: float = 0.0
+    least_factor: float
     """Least factor of the noise; 1 where nothing below the specification is to be explained."""
 
     @classmethod
@@ -53,7 +53,8 @@ class Data:
         """The data of observations; always: columns that are always present, by default all error motions."""
         _, trusted = first_registration(observations.measurement)
         always = geometry(observations) if always is None else always
-        return cls(observations, always, stops_of(observations), ~trusted)
+        least = observations.priors.least_noise**2
+        return cls(observations, always, stops_of(observations), ~trusted, least)
 
 
 @dataclass(frozen=True)

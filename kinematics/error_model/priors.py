@@ -48,6 +48,9 @@ class Priors:
     non_repeatability_um: float = 2.0
     """Median of the standard deviation of an axis from stop to stop, um or urad (half-Cauchy): machining centres repeat
     within 1 to 5 um by ISO 230-2."""
+    least_noise: float = 0.01
+    """Least noise of an instrument, as a share of its specification: none is a hundred times better than it is stated.
+    What remains of exact data is their rounding, in which any function can be found."""
     outlier: float = 0.003
     """Probability that a row is an outlier: about one in a measurement of 300 rows."""
     left_out: float = 20.0

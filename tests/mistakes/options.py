@@ -50,7 +50,7 @@ MISTAKES = (
     option("unknown acceptance", f"{TAIL} --accept stal", "--accept stal", "'stal' is unknown", "did you mean 'stale'?"),
     option("class misspelled", f"{TAIL} --classes L-VOLL", "--classes L-VOLL", "is none of", "did you mean 'L-VOL'?"),
     option("datum misspelled", f"{TAIL} --datum G54=probd", "--datum G54=probd", "expected", "probed, true, or probed@X.."),
-    option("measurement as tool table", f"{TAIL} --tool-table data.csv", "tool table data.csv:1", "is not a tool entry", "expected T1 P1 Z120.5"),
+    option("measurement as tool table", f"{TAIL} --tool-table data.csv", "tool table data.csv:", "is not a tool entry", "expected T1 P1 Z120.5"),
     option("programs of verify exchanged", f"verify done.nc {HEAD} --set-up-zero", "in.nc has no mark of ncomp", "done.nc has one", "give the original first"),
     option("programs that do not belong together", f"verify in.nc other.nc {HEAD[6:]} --set-up-zero", "the two programs", "do not make the same moves", "is the second one a correction"),
     option("folder without programs", f"batch empty out {HEAD[6:]}", "folder empty", "has no program", "--glob PATTERN chooses others"),

@@ -29,9 +29,9 @@ def option(help: str, metavar: str | None = None, *names: str, default: Any = No
     returns values for the shell; `panel`, the heading in the help, unless the dataclass has one for all its options;
     `hidden`, True for an option that the help does not show.
 
-    An option that names a file says so: `reads` is True for the path of an input, or a function that returns the paths
-    of a value which may be something else too; `writes` is the `Form` of an output, and `may_replace` the name of the
-    input that the command itself compares with it.
+    An option that names a file says so: `reads` is True for the path of an input, or a function that returns the path,
+    or a list of paths, of a value which may be something else too; `writes` is the `Form` of an output, and
+    `may_replace` the name of the input that the command itself compares with it.
     """
     return field(default=default, metadata={"names": names, "help": help, "metavar": metavar, **form})
 
@@ -109,7 +109,8 @@ class Declared(msgspec.Struct, frozen=True):
         if not reads:
             return []
         named = [Path(each) for each in given if each is not None] if reads is True else [reads(each) for each in given]
-        return [path for path in named if path is not None]
+        several = (path if isinstance(path, list) else [path] for path in named)
+        return [path for paths in several for path in paths if path is not None]
 
 
 class Signature(msgspec.Struct, frozen=True, dict=True):

@@ -22,6 +22,11 @@ def _dialect_names() -> list[str]:
     return list(NAMES)
 
 
+def folders_of(named: str | None) -> list[Path]:
+    """Folders in a list with commas."""
+    return [Path(each) for each in named.split(",")] if named is not None else []
+
+
 Program = Annotated[str, argument("NC program; `-` is standard input.", "IN.nc", reads=True)]
 OptionalProgram = Annotated[
     str | None, argument("NC program; `-` is standard input.", "IN.nc", default=None, reads=True)
@@ -97,7 +102,7 @@ class SetUpOptions(ToolOptions):
         "File that defines variables of a Siemens control (GUD): `DEF CHAN REAL LAYER[3]`.", "FILE", reads=True
     )
     subprograms: str | None = option(
-        "Folders of programs that the program calls, in addition to its own folder.", "DIR,..."
+        "Folders of programs that the program calls, in addition to its own folder.", "DIR,...", reads=folders_of
     )
 
     @property
@@ -109,7 +114,7 @@ class SetUpOptions(ToolOptions):
             "start": self.start,
             "probing": self.probing,
             "pass_through": self.passing,
-            "subprograms": tuple((self.subprograms or "").split(",")) if self.subprograms is not None else (),
+            "subprograms": tuple(map(str, folders_of(self.subprograms))),
             "definitions": self.definitions,
         }
         return super().arguments | own
