@@ -114,7 +114,7 @@ class SetUpOptions(ToolOptions):
             "start": self.start,
             "probing": self.probing,
             "pass_through": self.passing,
-            "subprograms": tuple(map(str, folders_of(self.subprograms))),
+            "subprograms": () if self.subprograms is None else tuple(self.subprograms.split(",")),
             "definitions": self.definitions,
         }
         return super().arguments | own
