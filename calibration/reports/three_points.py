@@ -156,8 +156,9 @@ def _motions(axis: AxisResult) -> Figure:
 
 
 def _axis_summary(axis: AxisResult) -> Section:
-    """One row for each error motion: its range over the positions, its curve and the misfit of the curve."""
+    """One row for each error motion: its range over the positions, its curve, the misfit of given degrees."""
     at, others = axis.positions, ", ".join(f"{name} {at:g}" for name, at in axis.standing.items())
+    misfit = any(one.degrees_of_freedom for one in axis.misfits)
     rows = [
         (
             figure.name,
@@ -165,7 +166,7 @@ def _axis_summary(axis: AxisResult) -> Section:
             uncertainty(figure.u, 2),
             figure.unit,
             "table" if degree is None else str(degree),
-            f"{one.chi2 / one.degrees_of_freedom:.2f}" if one.degrees_of_freedom else "",
+            *[f"{one.chi2 / one.degrees_of_freedom:.2f}" if one.degrees_of_freedom else ""] * misfit,
             figure.description,
         )
         for figure, degree, one in zip(ranges(axis), axis.curves.degrees, axis.misfits, strict=True)
@@ -174,5 +175,5 @@ def _axis_summary(axis: AxisResult) -> Section:
         f"The axis was measured at {len(at)} positions from {at[0]:g} to {at[-1]:g} {axis.axis.unit}, with the other "
         f"axes at {others}."
     )
-    head = ("error motion", "range", "u (k=1)", "unit", "degree", "chi2/dof", "kind")
+    head = ("error motion", "range", "u (k=1)", "unit", "degree", *["chi2/dof"] * misfit, "kind")
     return Section(f"Axis {axis.axis.name}", text, Table(head, rows))
