@@ -149,7 +149,7 @@ class Paced(NamedTuple):
     """
 
     minutes: float
-    """Time of the whole move."""
+    """Time of all rows that share this object: they divide it by the lengths of their paths."""
     feed: float
     """F in force, mm/min or deg/min in the units of the program."""
     form: str

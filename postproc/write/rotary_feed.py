@@ -66,7 +66,8 @@ def restored_feed(motions: Motions, row: int, numbers: NumberStyle, comment: str
 def _feed_of(motions: Motions, row: int, moved: float) -> float | None:
     """F of a row in the units of its words; None if it stays."""
     paced = motions.paced[row]
-    rows = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP))
+    same_block = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP)).tolist()
+    rows = [other for other in same_block if motions.paced.get(other) is paced]
     lengths = motions.path_lengths
     whole = float(lengths[rows].sum())
     minutes = paced.minutes * lengths[row] / whole if whole > SAME else paced.minutes

@@ -26,7 +26,7 @@ from postproc.correct.tcp.singular import note_singular
 from postproc.correct.tcp.switches import SwitchedOn, spell_vector, switch_off
 from postproc.execution import Part
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Kind, Known
+from postproc.motion.moves import Kind, Known, Paced
 from postproc.motion.segments import split
 from postproc.text.notes import Notes
 from postproc.text.number_style import decimals_for
@@ -96,7 +96,7 @@ class Conversion:
         cut = with_round_angles(split(motions, self._cuts(motions, moved, part.varied, rewrite)))
         origin = np.cumsum(~cut.added) - 1
         rows = rows[origin]
-        pieces = {i: paced[row] for i, row in enumerate(origin.tolist()) if row in paced}
+        pieces = _timed(cut, origin, paced)
         known, known_start = known_in_other(cut, rows)
         converted = replace(with_frames(cut, rows), known=known, known_start=known_start, paced=pieces)
         self._refuse_unknown(converted, rows)
@@ -227,3 +227,17 @@ class Conversion:
                 f"the conversion moves {names} in this block, and the program has not yet given the positions of all "
                 f"axes in this frame: write {' '.join(self._machine.names)} in it, or before it"
             )
+
+
+def _timed(cut: Motions, origin: np.ndarray, paced: dict[int, Paced]) -> dict[int, Paced]:
+    """The times of the segments, by row: the tool point keeps its speed, or the axes theirs, from end to end.
+
+    origin `(n,)`: row of each segment in the moves before they were cut; paced: their times, by that row.
+    """
+    ends = np.where(np.append(cut.added[1:], False), np.append(cut.start_fraction[1:], 0.0), 1.0)
+    shares = (ends - cut.start_fraction).tolist()
+    return {
+        i: paced[row]._replace(minutes=paced[row].minutes * shares[i])
+        for i, row in enumerate(origin.tolist())
+        if row in paced
+    }
