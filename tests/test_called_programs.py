@@ -204,6 +204,17 @@ def test_mcall_runs_a_subprogram_after_every_move(tmp_path):
     assert np.allclose(done.moves.machine_target, [(100, 100, 50), *holes, (0, 0, 50)])
 
 
+@pytest.mark.parametrize(
+    "line", ["HOLES1(0,0,0,10,20,3)", "SUPA G0 X10", "G53 G0 X10", "G75 FP=1 X1=0", "MCALL CYCLE81(10,0,2,-5)"]
+)
+def test_a_move_that_is_no_path_is_refused_while_mcall_of_a_subprogram_is_active(tmp_path, line):
+    """The control runs the subprogram at the holes too: its moves there would be those of another position."""
+    main = f"G71 G90 G54 G17\nG0 X100 Y100 Z50\nMCALL L7(5)\n{line}\nMCALL\nX0 Y0\nM30\n"
+    folder = written(tmp_path / "in", {"MAIN.MPF": main, "L7.SPF": "PROC L7(REAL DEPTH)\nG91 G0 Z=-DEPTH\nM17\n"})
+    with pytest.raises(UserError, match=r"MAIN\.MPF:4: .*MCALL of a subprogram is active: write its positions"):
+        corrected(folder / "MAIN.MPF", tmp_path / "out")
+
+
 SIEMENS_REFUSED = {
     "missing": ("L100 P2", "L200", r"MAIN\.MPF:6: 'L200': .*no subprogram L200, and no file of it is in \S*/in"),
     "absolute": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/_N_SIDE_SPF"', r"MAIN\.MPF:8: .*by its name alone"),

@@ -87,6 +87,8 @@ CYCLES_ELSEWHERE = _all(
 )
 """Cycles whose positions are arguments."""
 CYCLES = CYCLES_AT_POSITION | CYCLES_ELSEWHERE
+MOVING_NAMES = CYCLES | {"SUPA", "CYCLE800"}
+"""Words that move the tool to other positions than those of a path."""
 
 MEASURING = re.compile(r"CYCLE(9[67]\d|982|99\d)")
 """Measuring cycles."""

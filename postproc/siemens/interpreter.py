@@ -26,6 +26,7 @@ from postproc.siemens.codes import (
     LENGTH_STAYS,
     LIMITS,
     MACHINE,
+    MOVING_NAMES,
     POLES,
     REFERENCE,
     REFUSED_G,
@@ -69,10 +70,17 @@ class SiemensInterpreter(Interpreter):
         """Modes that subprograms with SAVE found, the last one last."""
         self._moved: Block | None = None
         """The last block, if it moved the tool along a path."""
+        self._moved_otherwise: Block | None = None
+        """The last block, if the control may run a subprogram of MCALL at other positions than its end."""
 
     @property
     def moved(self) -> bool:
         """True if the last block moved the tool along a path; Refusal if a call by MCALL after it is not followed."""
+        if self._moved_otherwise is not None:
+            raise self._moved_otherwise.refuse(
+                "a cycle, a pattern of positions or a move to machine coordinates is not followed while MCALL of a "
+                "subprogram is active: write its positions as blocks, or MCALL before it"
+            )
         block, self._moved = self._moved, None
         if block is not None and (self.modal.compensated or self.modal.cornered or self.recorder.stayed):
             raise block.refuse(
@@ -90,7 +98,7 @@ class SiemensInterpreter(Interpreter):
     def _read_block(self, index: int, block: Block) -> Block:
         channel, modal = self.channel, self.modal
         self._keep_modes(block)
-        self._moved = None
+        self._moved = self._moved_otherwise = None
         if block.kind == "header":
             if modal.begun:
                 raise block.refuse("the program before this one has no end: write M30, M17 or RET before this block")
@@ -124,6 +132,8 @@ class SiemensInterpreter(Interpreter):
             channel.no_insertion = corner or modal.compensated or drills or points
             run_modal_cycle(channel, index, block)
             self._moved = block
+        if claimed in MACHINE | REFERENCE or not MOVING_NAMES.isdisjoint(content.names):
+            self._moved_otherwise = block
         modal.ended = bool(content.m or content.names) and ends(block) and not channel.scope.depth
         return block
 
