@@ -170,10 +170,40 @@ def test_a_program_that_is_called_by_a_calculated_number_never_gets_the_output_o
     assert sorted(each["state"] == "refused" for each in ends.values()) == [False, True]
     assert ncomp("ngc/main.ngc", *ACCEPTED, "-o", "set.ngc").status == 0
     done = ncomp("ngc/100.ngc", *ACCEPTED, "-o", "100.ngc")
-    assert (done.status, "the correction of a program that another one calls ( CALLED BY MAIN.NGC)" in done.err) == (
+    assert (done.status, "the correction of a program that another one calls (CALLED BY MAIN.NGC)" in done.err) == (
         2,
         True,
     )
+
+
+def test_a_called_file_without_corrections_never_replaces_that_of_another_main_program(ncomp, tmp_path):
+    """Both parts have an O2000 of their own that moves nothing: the one of the second would end the first's G90."""
+    main = "G21 G90 G54 G17\nG0 X100. Y100. Z50.\nM98 P2000\nG0 X20. Y20. Z20.\nM30\n"
+    for part, mode in (("a", "G90"), ("b", "G91")):
+        written(tmp_path / part, {f"{part}.nc": main, "O2000": f"O2000\n{mode}\nM99\n"})
+    (tmp_path / "made").mkdir()
+    assert ncomp("a/a.nc", *ACCEPTED, "-o", "made/a.nc").status == 0
+    written(tmp_path / "a", {"O2000": "O2000\nG94\nM99\n"})
+    assert ncomp("a/a.nc", *ACCEPTED, "-o", "made/a.nc").status == 0
+    first = (tmp_path / "made/O2000").read_bytes()
+    assert b"G94" in first
+    done = ncomp("b/b.nc", *ACCEPTED, "-o", "made/b.nc")
+    assert (done.status, "would replace made/O2000" in done.err) == (2, True)
+    assert outputs(tmp_path / "made") == ["O2000", "a.nc"]
+    assert (tmp_path / "made/O2000").read_bytes() == first
+
+
+def test_main_programs_of_one_name_never_share_a_called_file(ncomp, tmp_path):
+    main = "O1\nG21 G90 G54 G17\nG0 X100. Y100. Z50.\nM98 P1000\nM30\n"
+    for part, x in (("a", 300), ("b", 400)):
+        written(tmp_path / part, {"O0001.nc": main, "O1000.nc": f"O1000\nG1 X{x}. Y5. Z5. F500\nM99\n"})
+    (tmp_path / "made").mkdir()
+    for _ in range(2):
+        assert ncomp("a/O0001.nc", *ACCEPTED, "-o", "made/a.nc").status == 0
+    first = (tmp_path / "made/O1000.nc").read_bytes()
+    done = ncomp("b/O0001.nc", *ACCEPTED, "-o", "made/b.nc")
+    assert (done.status, "would replace made/O1000.nc" in done.err) == (2, True)
+    assert (outputs(tmp_path / "made"), (tmp_path / "made/O1000.nc").read_bytes()) == (["O1000.nc", "a.nc"], first)
 
 
 def test_a_link_to_itself_hides_no_other_file(ncomp, tmp_path):

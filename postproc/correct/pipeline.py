@@ -204,7 +204,7 @@ class Pipeline:
                 evaluation.settle()
             except Refusal as refusal:
                 if isinstance(refusal, Different) and program.called_files:
-                    where = f"{shown(refusal.line)} needs a different correction each time"
+                    where = f"line {shown(refusal.line)} needs a different correction each time"
                     raise WritingOut(f"{_written_out(program.called_files)}, because {where}") from None
                 raise refusal.located(program.source.name, job.dialect.evidence) from None
             return evaluation.finish()

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 CALLED = re.compile(rf"NCOMP [^\n]*({UNCHANGED}(?: BY [^\s)]+)?)[) \t]*\r?$", re.MULTILINE)
 """The mark of a called program."""
+HEAD = 1 << 16
+"""Bytes at the beginning of a program that contain its mark."""
 OTHERWISE = "name an output in another folder, or write the calls out by --unroll"
 
 
@@ -30,7 +32,7 @@ def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
     if done.job.beside and target.is_file() and (owner := _called_mark(target)):
         raise UserError(
             f"{done.job.source.name}: its output {target} is the correction of a program that another one calls "
-            f"({owner}): delete it, or name another output"
+            f"({owner.strip()}): delete it, or name another output"
         )
     files = {target.parent / each.name: each for each in done.called}
     read = {true_path(Path(each.source.name)) for each in done.called} | {true_path(Path(done.job.source.name))}
@@ -40,7 +42,7 @@ def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
                 f"the correction of {each.source.name}, which {done.job.source.name} calls, would replace {path}: "
                 f"{OTHERWISE}"
             )
-        if path.exists() and not _is_replaced(path, each.data, done):
+        if path.exists() and not _is_replaced(path, each.data, target, done):
             raise UserError(
                 f"the correction of {each.source.name}, which {done.job.source.name} calls, would replace {path}, "
                 f"which is not from an earlier correction of this program: delete it, {OTHERWISE}"
@@ -63,9 +65,31 @@ def _called_mark(path: Path) -> str:
     return match[1] if match else ""
 
 
-def _is_replaced(path: Path, data: bytes, done: Corrected) -> bool:
-    """True if a file is the same, or an earlier correction for the same main program, or for all main programs."""
+def _is_replaced(path: Path, data: bytes, target: Path, done: Corrected) -> bool:
+    """True if a file is the same, or an earlier correction that no other main program beside the output may call.
+
+    A mark has the name of the main program, which two of different folders may share; that of a file without
+    corrections has none.
+    """
     there = path.read_bytes() if path.is_file() else b""
-    marks = tuple(mark.encode() for mark in (called_by(done.job.source.name), UNCHANGED))
-    lines = (line.rstrip(b") \t\r") for line in there.split(b"\n") if b"NCOMP " in line)
-    return there == data or any(line.endswith(marks) for line in lines)
+    owned, of_all = (_ends_a_mark(there, end) for end in (called_by(done.job.source.name), UNCHANGED))
+    if there == data or (owned and target.is_file()):
+        return True
+    blocks = [[line for line in each.split(b"\n") if b"NCOMP " not in line] for each in (there, data)]
+    return (of_all and blocks[0] == blocks[1]) or ((owned or of_all) and not _others_beside(target))
+
+
+def _ends_a_mark(data: bytes, end: str) -> bool:
+    lines = (line.rstrip(b") \t\r") for line in data.split(b"\n") if b"NCOMP " in line)
+    return any(line.endswith(end.encode()) for line in lines)
+
+
+def _others_beside(target: Path) -> bool:
+    """True if there is another corrected main program in the folder of an output."""
+    for path in target.parent.iterdir():
+        if path.is_file() and true_path(path) != true_path(target):
+            with path.open("rb") as file:
+                head = file.read(HEAD)
+            if b"NCOMP " in head and not CALLED.search(head.decode(ENCODING)):
+                return True
+    return False
