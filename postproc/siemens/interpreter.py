@@ -132,8 +132,7 @@ class SiemensInterpreter(Interpreter):
             channel.no_insertion = corner or modal.compensated or drills or points
             run_modal_cycle(channel, index, block)
             self._moved = block
-        if claimed in MACHINE | REFERENCE or not MOVING_NAMES.isdisjoint(content.names):
-            self._moved_otherwise = block
+        self._moved_otherwise = block if _moves_otherwise(content, claimed) else None
         modal.ended = bool(content.m or content.names) and ends(block) and not channel.scope.depth
         return block
 
@@ -326,3 +325,8 @@ class SiemensInterpreter(Interpreter):
                     f"an increment of {name} before its first absolute position in this frame depends on settings of "
                     "the control: write an absolute position first, or state --start"
                 )
+
+
+def _moves_otherwise(content: Content, claimed: float | None) -> bool:
+    """True for a block that may move the tool, but not along a path to its own coordinates."""
+    return claimed in MACHINE | REFERENCE or not MOVING_NAMES.isdisjoint(content.names)
