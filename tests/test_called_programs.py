@@ -115,6 +115,35 @@ def test_the_programs_of_a_set_make_the_moves_of_its_calls(tmp_path):
     assert np.allclose(done.moves.machine_target, FANUC_PATH)
 
 
+# arguments of G65, and by FANUC's manual (argument specification II) where G1 X#4 Y#7 Z#9 ends
+REPEATED = {"A1. I4. J5. K6. I7. J8. K9.": (4, 7, 9), "I2. J3. K4. I5. J6. K7. I8.": (2, 5, 7), "I1. I2. I3. F8.": None}
+
+
+@pytest.mark.parametrize("arguments", REPEATED)
+def test_repeated_arguments_of_a_macro(tmp_path, arguments):
+    main = f"O1\nG21 G90 G54\nG0 X9. Y9. Z9.\nG65 P100 {arguments}\nM30\n"
+    folder = written(tmp_path, {"O1": main, "O100": f"O100\nG1 X#4 Y#7 Z#{9 if REPEATED[arguments] else 10} F9\nM99\n"})
+    done = ncomp.correct(folder / "O1", GANTRY, "none", setup=SETUP, travel_check=False)
+    assert tuple(done.moves.machine_target[-1]) == (REPEATED[arguments] or (1, 2, 3))
+
+
+ORDER = {
+    "J1. I2.": r"O1:4: .*in the order I, J, K",
+    "I1. I2. D3.": r"O1:4: .*two arguments of the call have one variable",
+    "I1. " * 11: r"O1:4: .*more than ten",
+    "A1.": r"O100:2: .*X#4: it is empty",
+}
+
+
+@pytest.mark.parametrize("arguments", ORDER)
+def test_arguments_whose_variable_is_not_clear_are_refused(tmp_path, arguments):
+    main = f"O1\nG21 G90 G54\nG0 X9. Y9. Z9.\nG65 P100 {arguments}\nM30\n"
+    folder = written(tmp_path, {"O1": main, "O100": "O100\nG1 X#4 F9\nM99\n"})
+    machine = replace(GANTRY, control=replace(GANTRY.control, family="fanuc"))
+    with pytest.raises(UserError, match=ORDER[arguments]):
+        ncomp.correct(folder / "O1", machine, "none", setup=ncomp.set_up(machine, zero=True), travel_check=False)
+
+
 def changed(name, old, new):
     return {**FANUC, name: FANUC[name].replace(old, new)}
 

@@ -102,7 +102,7 @@ BLOCKS = {
     "$H": "any fanuc linuxcnc",
     "G1 X1200. ; G0 X5.\nG1 Y1010.": "any fanuc",
     "o1 sub\n#31 = 4\nG1 X[1000 + #1 + #31]\no1 end sub\n#31 = 7\no1 call [20]\nG1 Y[1000 + #31]": "any",
-    "o1 sub\nG1 X[1000 + #1]\no1 endsub\n#5 = 1\no[#5] call [20]\no[#5 + 0] call [30]": "",
+    "o1 sub\nG1 X[1000 + #1]\no1 endsub\n#5 = 1\no[#5] call [20]\no[#5 + 0] call [30]\no#5 call [40]": "",
     "#1 = 2\no1 if [#1 EQ 1]\nG1 X1110.\no1 else if [#1 + 1 EQ 3 AND 1 NE 2]\nG1 X1120.\no1 else\nG1 X1130.\no1 endif": "",
     "IF [1 EQ 1 AND 2 NE 3] GOTO 10\nN10 G1 X1200.": "any fanuc linuxcnc",
     "#5599 = 1": "",

@@ -1,6 +1,7 @@
 """Constructs of single families of ISO controls: cycles with R above the level, grbl, kinematics of LinuxCNC."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -112,6 +113,14 @@ def test_zero_set_at_the_present_position_by_grbl():
     text = "G10 L20 P1 X0. Y0.\nG28.1\nG1 X3. Y-1. ; G0 Z9.\nG92 Z0.\nG55\nG1 X1. Y1. Z-2.\n"
     found = ends(text, of("grbl"), offsets=["G54=0,0,0", "G55=100,0,0"])
     assert [found[1], found[3]] == [[14.0, 9.0, 5.0], [101.0, 1.0, 3.0]]
+
+
+@pytest.mark.parametrize("command", ["$J=G91 X1 F10", "$N0=G20", "$RST=$"])
+def test_a_command_of_grbl_shows_no_siemens_program(command):
+    machine = of("grbl")
+    setup = ncomp.set_up(machine, zero=True)
+    with pytest.raises(UserError, match=rf"3: '{re.escape(command)}': .*(jog|stores a block|restores settings)"):
+        ncomp.correct(f"G21 G90 G54\nG0 X1 Y1 Z1\n{command}\n", machine, "none", setup=setup)
 
 
 @pytest.mark.parametrize("command", ["$X", "$H", "$HX"])

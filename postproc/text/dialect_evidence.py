@@ -17,6 +17,8 @@ _SIEMENS = re.compile(
     r"|^\s*(IF|WHILE|FOR|GOTO[FB]|GOTO(?!\s*\d)|LOOP|REPEAT|CASE)\b[^\[]*$",
     re.IGNORECASE,
 )
+_COMMAND = re.compile(r"\s*\$[^\W_]*(?:\W|$)")
+"""A system command of grbl; the variables of Siemens controls have `_` in their names."""
 _VARIABLE = re.compile(r"#\s*[\d<\[#]")
 """Beginning of a variable of FANUC and LinuxCNC."""
 _SUFFIXES = {".h": "heidenhain", ".hnc": "heidenhain", ".klartext": "heidenhain", ".mpf": "siemens", ".spf": "siemens"}
@@ -59,7 +61,7 @@ def evidence(suffix: str, head: str) -> Evidence:
     signs = {"heidenhain": _HEIDENHAIN, "iso": _VARIABLE, "siemens": _SIEMENS}
     for dialect, sign in signs.items():
         for number, text in enumerate(texts, start=1):
-            if sign.search(text):
+            if sign.search(text) and not _COMMAND.match(text):
                 return Evidence(dialect, f"of line {number}: {lines[number - 1].strip()[:_LONGEST]!r}")
     if suffix in _SUFFIXES:
         return Evidence(_SUFFIXES[suffix], f"its name ends in {suffix}")

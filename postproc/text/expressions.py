@@ -132,7 +132,7 @@ def number(expression: Expression, scope: Scope) -> float:
     """The value of an expression that has to be a number."""
     value = evaluate(expression, scope)
     if not isinstance(value, float):
-        raise NotKnown(f"{value!r} is no number")
+        raise NotKnown("it is empty: give it a value before this block" if value == "" else f"{value!r} is no number")
     return value
 
 

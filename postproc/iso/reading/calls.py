@@ -17,6 +17,7 @@ ELSEWHERE = ("M", 198.0)
 CALLING = frozenset((SUBPROGRAM, ELSEWHERE, RETURN, MACRO, MODAL, MODAL_END))
 ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
 """Local variables that take the words after G65 and G66."""
+LAST_ARGUMENT = 33
 
 
 def names(file: str) -> list[str]:
@@ -82,6 +83,8 @@ def _with_subprogram(block: Block, word: Word, others: tuple[Word, ...]) -> Bloc
 def _with_macro(block: Block, word: Word, others: tuple[Word, ...]) -> Block:
     """G65 or G66 with arguments."""
     code = f"G{word.value:g}"
+    repeated = _repeated(block, others)
+    others = tuple(other for other in others if other not in repeated.values())
     taken, kept = _taken(block, others, "PLO" + "".join(ARGUMENTS))
     named = _named(block, code, taken) if "O" in taken else ""
     name = named or Operation("program", (_program(block, code, taken),))
@@ -89,11 +92,33 @@ def _with_macro(block: Block, word: Word, others: tuple[Word, ...]) -> Block:
         raise block.refuse(
             f"{code} cannot share a block with the other words of this one: write them in a block before it"
         )
-    arguments = tuple(
-        (ARGUMENTS[address], _argument(block, taken[address])) for address in taken if address in ARGUMENTS
-    )
+    given = {ARGUMENTS[address]: taken[address] for address in taken if address in ARGUMENTS}
+    if given.keys() & repeated.keys():
+        raise block.refuse("two arguments of the call have one variable: write one of them")
+    arguments = tuple((number, _argument(block, argument)) for number, argument in (given | repeated).items())
     call = Call(name, arguments, _times(taken))
     return _with_step(block, kept, call if (word.address, word.value) == MACRO else Modal(call))
+
+
+def _repeated(block: Block, words: tuple[Word, ...]) -> dict[int, Word]:
+    """The second and later I, J and K by their variables, #7 to #9, #10 to #12 and so on (FANUC, HAAS).
+
+    Refusal where they are not in the order I, J, K: FANUC takes `J1. I2.` for the first J and the second I.
+    """
+    found: dict[int, Word] = {}
+    counts, group, last = dict.fromkeys("IJK", 0), 0, ""
+    for word in words:
+        if word.address in counts:
+            group += word.address <= last
+            last = word.address
+            if group != counts[last]:
+                raise block.refuse("the variables of I, J and K depend on their order: write them in the order I, J, K")
+            if group:
+                found[ARGUMENTS[last] + 3 * group] = word
+            counts[last] += 1
+    if found and max(found) > LAST_ARGUMENT:
+        raise block.refuse("the call has more than ten I, J or K: write fewer")
+    return found
 
 
 def _taken(block: Block, words: tuple[Word, ...], addresses: str) -> tuple[dict[str, Word], tuple[Word, ...]]:

@@ -214,8 +214,9 @@ def _subroutine(parts: list[Any]) -> Step:
 
 
 def _computed_call(parts: list[Any]) -> Call:
-    """`o[#5] call [1]` of LinuxCNC: the subprogram of a number."""
-    name, values = Operation("program", (_linuxcnc_value(parts[1]),)), [_linuxcnc_value(part) for part in parts[3:]]
+    """`o[#5] call [1]` and `o#5 call` of LinuxCNC: the subprogram of a number."""
+    number = expression(parts[1]) if parts[1].data == "variable" else _linuxcnc_value(parts[1])
+    name, values = Operation("program", (number,)), [_linuxcnc_value(part) for part in parts[3:]]
     return Call(name, tuple(enumerate(values, start=1)), begun=True)
 
 
