@@ -193,6 +193,8 @@ def test_subprograms_of_another_folder_are_found_when_it_is_named(tmp_path):
     setup = ncomp.set_up("gantry", zero=True, datum=["G54=true"], subprograms=[library])
     done = corrected(folder / "O0001.nc", tmp_path / "out", setup=setup)
     assert sorted(each.name for each in done.called) == ["3", "O1000.nc", "o9001.NC"]
+    with pytest.raises(UserError, match="corrected beside the program: correct it without beside for its moves"):
+        _ = done.moves
 
 
 SIEMENS_PATH = [

@@ -117,7 +117,7 @@ class Corrected(Shown, msgspec.Struct, frozen=True, dict=True):
     def moves(self) -> Motions:
         """The moves of the corrected program, read from its text: `line`, `machine_target` `(n, axes)`, mm and rad.
 
-        UserError for a program that was written to `output`.
+        UserError for a program that was written to `output`, and for one whose called files are corrected beside it.
         """
         from postproc.correct.tcp.read_back import setup_of_output
         from postproc.text.source import text_source
@@ -126,6 +126,8 @@ class Corrected(Shown, msgspec.Struct, frozen=True, dict=True):
         job = self.job
         if not self.text and job.source.text_head:
             raise UserError("the program was written to output: correct it without output to read its moves")
+        if self.called:
+            raise UserError("called programs are corrected beside the program: correct it without beside for its moves")
         setup = setup_of_output(job)
         return motions_with_lines(text_source(self.text), job.dialect, setup.machine, setup)
 
