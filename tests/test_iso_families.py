@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from support.called_programs import MODEL
 from support.command import refusal
 from support.machine_texts import machine_text
 from support.programs import correct, load, random_model, read
@@ -70,6 +71,16 @@ def test_a_corrected_r_stays_above_the_level(linuxcnc):
     assert moves[-1].machine[:3] == pytest.approx(commanded[-1].tolist(), abs=1e-9)
     holes = [move.machine[2] for move in moves if move.kind == "line"][-2:]
     np.testing.assert_allclose(holes, commanded[2:4, 2], atol=1e-9)
+
+
+def test_the_way_to_a_hole_after_g99_is_at_the_level_as_in_the_program(linuxcnc):
+    """LinuxCNC goes to the hole of a G98 at the level before the cycle, unless the tool is above R."""
+    machine = of("linuxcnc")
+    text = "G0 Z50.\nG99 G81 X47. Y179. Z18. R20. F100\nX25. R48. Z28.\nG98 X24. Y30.\nG80\nG0 X0.\nM2\n"
+    result = correct(HEAD + text, machine, MODEL, travel_check=False, tolerance_um=1e3)
+    ways = [[move.machine for move in linuxcnc.run(each).moves] for each in (HEAD + text, result.text)]
+    assert len(ways[0]) == len(ways[1])
+    assert np.abs(np.subtract(*ways)).max() < 0.05
 
 
 # ---- LinuxCNC

@@ -1,7 +1,8 @@
 """Holes of canned cycles at their corrected depth; R gets the same correction, so the number of pecks stays.
 
 R stays at the level before the cycle or below it, or above it, as in the program: controls differ in the return from
-above it.
+above it. Behind a hole with a return to R, R stays at the tool or above it too: LinuxCNC goes to the hole at the level
+before the cycle then, and otherwise where the tool is.
 """
 
 from __future__ import annotations
@@ -72,6 +73,8 @@ class HoleWriter:
             clear = min(clear, self._level)
         elif cycle.to_retract:
             clear = max(clear, self._level)
+        if not (cycle.first or cycle.to_retract) and before[1] <= cycle.clear:
+            clear = max(clear, before[0])
         unit, decimals = scale
         corrected = {"R": clear, "depth": depth.corrected}
         incremental = cycle.incremental != cycle.switched
