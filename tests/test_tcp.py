@@ -93,19 +93,22 @@ def test_with_a_calibration_the_tool_point_is_right(ncomp):
     assert checked["block_ends_um"]["after"]["max"] < 0.2
 
 
-@pytest.mark.parametrize("how", ["inverse-time", "scaled"])
+@pytest.mark.parametrize("how", ["inverse-time", "scaled", "programmed"])
 def test_the_tool_point_keeps_its_speed_from_end_to_end(ncomp, how):
     """20 mm past the centre of the table at 1000 mm/min: 0.02 min, the same share of it in each segment."""
     machine = f'{TABLE}\n[control]\nfamily = "fanuc"\n'
     text = table("G1 Z5. F2000.\nX10. Y1.\nX-10. C90. F1000.")
-    done, written = convert(ncomp, text, "--tolerance-um", "50", "--tcp-feed", how, machine=machine)
+    if how == "programmed":
+        text = text.replace("X-10. C90. F1000.", "G93 X-10. C90. F50.")
+    own = () if how == "programmed" else ("--tcp-feed", how)
+    done, written = convert(ncomp, text, "--tolerance-um", "50", *own, machine=machine)
     assert done.status == 0, done.err
     at, minutes = [10.0, 1.0, 0.0], []
     for line in [line for line in moved(written) if "C" in line][1:]:
         to = [float(re.search(rf"{axis}(\S+)", line)[1]) for axis in "XYC"]
         number = float(re.search(r"F(\S+)", line)[1])
         way = sum((b - a) ** 2 for a, b in zip(at, to, strict=True)) ** 0.5
-        minutes.append(1.0 / number if how == "inverse-time" else way / number)
+        minutes.append(way / number if how == "scaled" else 1.0 / number)
         at = to
     assert len(minutes) > 5
     assert minutes == pytest.approx([0.02 / len(minutes)] * len(minutes), rel=1e-4)

@@ -269,7 +269,7 @@ class Writer:
             for word in editor.block.words if row in motions.arcs else ():
                 if word.address in TURN_WORDS:
                     editor.cut(word)
-            if motions.timed[row]:
+            if motions.timed[row] and row not in motions.paced:
                 write_inverse_time(motions, row, editor)
         self._begun.add(block)
         self._straight = False
@@ -372,7 +372,7 @@ class Writer:
         if not begun:
             added.modes += mode_words(added.beside)
         paced = row in motions.paced and begun
-        if motions.timed[row]:
+        if motions.timed[row] and row not in motions.paced:
             add_inverse_time(motions, row, added, moved)
         elif paced:
             write_feed(motions, row, added, moved)

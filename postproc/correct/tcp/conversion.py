@@ -96,7 +96,7 @@ class Conversion:
         cut = with_round_angles(split(motions, self._cuts(motions, moved, part.varied, rewrite)))
         origin = np.cumsum(~cut.added) - 1
         rows = rows[origin]
-        pieces = _timed(cut, origin, paced)
+        pieces = _timed(cut, origin, paced | _programmed_times(motions, cut, feeds))
         known, known_start = known_in_other(cut, rows)
         converted = replace(with_frames(cut, rows), known=known, known_start=known_start, paced=pieces)
         self._refuse_unknown(converted, rows)
@@ -241,3 +241,12 @@ def _timed(cut: Motions, origin: np.ndarray, paced: dict[int, Paced]) -> dict[in
         for i, row in enumerate(origin.tolist())
         if row in paced
     }
+
+
+def _programmed_times(motions: Motions, cut: Motions, feeds: list[Feed]) -> dict[int, Paced]:
+    """The times of moves under a G93 of the program that are cut, by row."""
+    times: dict[int, Paced] = {}
+    for row in np.unique((np.cumsum(~cut.added) - 1)[cut.added]).tolist():
+        if motions.timed[row] and (number := feeds[int(motions.block[row])].value):
+            times[row] = Paced(1.0 / number, number, "inverse-time", restored=False)
+    return times
