@@ -288,6 +288,18 @@ def test_refused(ncomp, name):
     assert not Path("out_tip.nc").exists()
 
 
+def test_the_shortest_way_beyond_the_travel_of_a_table(ncomp):
+    """From 0 the shortest way to 355 is through -5: outside a travel of 0 to 360, inside that of a table without end."""
+    text = SIEMENS.replace("G1 Z5 F1000\nX10 Y0 C9 F360", "G1 Z5 F1000\nX10 Y0 C=DC(355) F360")
+    limited = TABLE.replace("[-inf, inf]", "[0, 360]").replace(', rollover = "as-written"', "")
+    done, _ = convert(ncomp, text, *COARSE, machine=limited, file="tip.mpf")
+    assert done.status == 2
+    assert "the shorter way would leave its travel, 0 to 360 degrees: write travel = [-inf, inf]" in done.err
+    done, written = convert(ncomp, text, *COARSE, machine=limited.replace("[0, 360]", "[-inf, inf]"), file="tip.mpf")
+    assert done.status == 0, done.err
+    assert re.search(r"X9\.9619 Y0\.8716 C=DC\(355\)", written)  # turned by -5 degrees
+
+
 def test_klartext_has_no_inverse_time(ncomp):
     text = KLARTEXT.format(on="3 M128\n", off="7 M129\n")
     done, _ = convert(ncomp, text, "--tcp-feed", "inverse-time", file="tip.h", offset="0=0,0,0")

@@ -7,12 +7,13 @@ From there on the moves are corrected, checked and written as those of any progr
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 
-from kinematics.machine import NDArrayBool
+from kinematics.machine import TURN, NDArrayBool
 from kinematics.user_error import UserError
 from postproc.control.tool_table import shown_tool
 from postproc.correct.job import Job
@@ -28,6 +29,7 @@ from postproc.execution import Part
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known, Paced
 from postproc.motion.segments import split
+from postproc.text.block import Block, Refusal
 from postproc.text.notes import Notes
 from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import NO_INSERTION
@@ -178,11 +180,7 @@ class Conversion:
             if motions.kind[row] not in (*PATHS, Kind.MACHINE):
                 raise block.refuse("this block under TCP is not converted: write its moves in X Y Z")
             if (unknown := turns_unknown(motions, row)) and motions.kind[row] != Kind.MACHINE:
-                name = self._machine.names[unknown[0]]
-                raise block.refuse(
-                    f"{name} turns by half a turn or more, and its direction depends on the control: write rollover = "
-                    f'"as-written" or "shortest" under [axes.{name}] in the machine file'
-                )
+                raise _direction_open(block, motions, row, unknown[0])
         arcs = [row for row in motions.arcs if rows[row]]
         for row, same in zip(arcs, shifts_only(motions, arcs), strict=True):
             if not same or turns(motions)[row].any():
@@ -250,3 +248,21 @@ def _programmed_times(motions: Motions, cut: Motions, feeds: list[Feed]) -> dict
         if motions.timed[row] and (number := feeds[int(motions.block[row])].value):
             times[row] = Paced(1.0 / number, number, "inverse-time", restored=False)
     return times
+
+
+def _direction_open(block: Block, motions: Motions, row: int, axis: int) -> Refusal:
+    """Why the direction of a turn is not known, and what states it."""
+    machine, target = motions.machine, float(motions.target[row, axis])
+    name, (low, high) = machine.names[axis], machine.axes[axis].travel
+    back = target - math.copysign(TURN, target - motions.start[row, axis])
+    at = back + motions.frames[motions.frame[row]].offset[axis]
+    if not low <= at <= high:
+        return block.refuse(
+            f"{name} turns by half a turn or more, and the shorter way would leave its travel, {low:g} to {high:g} "
+            f"degrees: write travel = [-inf, inf] under [axes.{name}] in the machine file if it turns without end, or "
+            f'rollover = "as-written" if it turns the long way'
+        )
+    return block.refuse(
+        f"{name} turns by half a turn or more, and its direction depends on the control: write rollover = "
+        f'"as-written" or "shortest" under [axes.{name}] in the machine file'
+    )
