@@ -206,6 +206,19 @@ def test_main_programs_of_one_name_never_share_a_called_file(ncomp, tmp_path):
     assert (outputs(tmp_path / "made"), (tmp_path / "made/O1000.nc").read_bytes()) == (["O1000.nc", "a.nc"], first)
 
 
+def test_verify_reads_the_corrections_of_subprograms_in_a_folder_inside_of_the_program_s(ncomp, tmp_path):
+    main = "O1\nG21 G90 G54 G17\nG0 X100. Y100. Z50.\nM98 P1000\nM30\n"
+    called = "O1000\nG1 X300. Y200. Z10. F500\nM99\n"
+    written(tmp_path / "own", {"O1.nc": main, "lib/O1000.nc": called})
+    (tmp_path / "made").mkdir()
+    assert ncomp("own/O1.nc", *ACCEPTED, "-o", "made/O1.nc", "--subprograms", "own/lib").status == 0
+    assert outputs(tmp_path / "made") == ["O1.nc", "lib/O1000.nc"]
+    options = (*GANTRY[:5], "--subprograms", "own/lib", "--json", "verdict.json")
+    done = ncomp("verify", "own/O1.nc", "made/O1.nc", *options)
+    assert (done.status, "has no mark" in done.err) == (0, False)
+    assert json.loads((tmp_path / "verdict.json").read_text())["block_ends_um"]["after"]["max"] < 0.3
+
+
 def test_a_link_to_itself_hides_no_other_file(ncomp, tmp_path):
     (tmp_path / "in/iso/loop").symlink_to("loop")
     assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "made.nc").status == 0

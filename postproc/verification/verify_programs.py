@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
+
+import msgspec
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
@@ -115,7 +118,7 @@ def verify_programs(
     corrected = _mark_of_the_second(programs)
     notes = model_notes(models.evaluated, conditions)
     languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
-    interpreters = _interpreters(languages, setup, programs[1])
+    interpreters = _interpreters(languages, setup, programs)
     called: tuple[list[Source], list[Source]] = ([], [])
     nominal, commanded = map(run_motions, programs, languages, interpreters, (progress, progress), called)
     verifiers = {
@@ -145,10 +148,21 @@ def verify_programs(
     )
 
 
-def _interpreters(languages: Sequence[Dialect], setup: Setup, corrected: Source) -> list[Interpreter]:
+def _interpreters(languages: Sequence[Dialect], setup: Setup, programs: tuple[Source, Source]) -> list[Interpreter]:
     """The interpreters of both programs, the second of which may be converted between tool point and axes."""
-    setups = setups_of(setup, conversions_in_program(corrected))
+    original, corrected = setups_of(setup, conversions_in_program(programs[1]))
+    setups = original, msgspec.structs.replace(corrected, subprograms=tuple(_beside(programs, setup.subprograms)))
     return [language.interpreter(own.machine, own, Notes()) for language, own in zip(languages, setups, strict=True)]
+
+
+def _beside(programs: tuple[Source, Source], folders: Sequence[str]) -> Iterator[str]:
+    """Folders of subprograms for the second program: those inside of the first one's folder are in its own, too."""
+    original, corrected = (source.folder for source in programs)
+    for folder in folders:
+        path = Path(folder).resolve()
+        if original is not None and corrected is not None and path.is_relative_to(original.resolve()):
+            yield str(corrected / path.relative_to(original.resolve()))
+        yield folder
 
 
 def _evaluated(
