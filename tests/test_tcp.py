@@ -5,6 +5,12 @@ import re
 from pathlib import Path
 
 import pytest
+from support.programs import model_of
+
+import machines
+from kinematics.basis import Fourier
+from kinematics.effects import ErrorMotion
+from kinematics.error_model.model import write_model
 
 TABLE = (
     'name = "mill"\nchain = "w C b X Y Z t"\naxes.X = { travel = [-500, 500] }\naxes.Y = { travel = [-500, 500] }\n'
@@ -91,6 +97,23 @@ def test_with_a_calibration_the_tool_point_is_right(ncomp):
     assert checked["along_feed_moves_um"]["before"]["max"] > 10.0
     assert checked["along_feed_moves_um"]["after"]["max"] < 4.0
     assert checked["block_ends_um"]["after"]["max"] < 0.2
+
+
+def test_segments_of_the_conversion_are_cut_again_where_the_error_changes_along_them(ncomp):
+    """X errs by 60 um in waves of 40 mm: the 200 mm of the move cross five of them."""
+    waves = ErrorMotion("X", "X", Fourier((-250.0, 250.0), (40.0,)), (0.0, 0.0, 60.0, 0.0), u=(0.1,) * 4)
+    write_model(model_of(machines.load("dmu50"), waves), Path("waves.json"))
+    moves = "G1 X-100. Y20. Z95. F2000.\nX100. B.2 C1. F1000."
+    Path("tip.nc").write_text(table(moves, start="X-100. Y20. Z100. B0 C0", first="X-100. Y20. Z100. B0 C0"))
+    own = ("--machine", "dmu50", "--calibration", "waves.json", "--work-offset", "G54=0,0,0", "--tool-length", "T1=100")
+    done = ncomp("tip.nc", *own, "--tcp", "to-axes", "--tolerance-um", "8", "-o", "out.nc")
+    assert done.status == 0, done.err
+    checked = json.loads(ncomp("verify", "tip.nc", "out.nc", *own, "--json", "-").out)
+    assert checked["along_feed_moves_um"]["before"]["max"] > 50.0
+    assert checked["along_feed_moves_um"]["after"]["max"] < 8.0
+    begins = [int(a) / int(b) for a, b in re.findall(r"FROM (\d+)/(\d+)", Path("out.nc").read_text())]
+    assert begins == sorted(set(begins))
+    assert max(map(len, Path("out.nc").read_text().splitlines()[1:])) < 90
 
 
 @pytest.mark.parametrize("how", ["inverse-time", "scaled", "programmed"])

@@ -146,8 +146,9 @@ def _varied(asked: Asked, rows: np.ndarray) -> NDArrayBool:
 
 
 def _several(asked: Asked, rows: np.ndarray) -> NDArrayBool:
-    block = asked.motions.block
-    return np.asarray(np.bincount(block)[block[rows]] > 1)
+    motions = asked.motions
+    own = motions.block[~(motions.added & np.isfinite(motions.start_fraction))]  # not the segments of one move
+    return np.asarray(np.bincount(own, minlength=len(motions.blocks))[motions.block[rows]] > 1)
 
 
 def _moves_other_axes(asked: Asked, row: int) -> bool:

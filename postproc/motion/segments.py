@@ -6,11 +6,13 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from kinematics.machine import NDArrayBool
+from kinematics.transforms import Array
 from postproc.motion.along import positions_along
 from postproc.motion.circles import Point, crossings, same, sweep
 from postproc.motion.frames import cartesian
@@ -19,6 +21,8 @@ from postproc.motion.moves import Arc, Kind, Known
 
 NEARLY_A_TURN = 2 * math.pi - 1e-3
 """Sweep of an arc that is nearly a full circle, rad."""
+SMALL = 1 << 20
+"""Largest denominator of a share."""
 
 
 def arc_ends(motions: Motions, row: int) -> tuple[Point, Point]:
@@ -61,8 +65,8 @@ def _directions_in_plane(motions: Motions, row: int) -> list[tuple[int, Point]]:
 def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants: bool = False) -> Motions:
     """The moves, some of them cut into segments at shares of their paths; `cuts`: these shares, by row.
 
-    The first segment keeps the block; the others are `added`, and name no axis. `at_quadrants`: the added segments
-    get no start fraction, because it follows from the quadrants of the circle.
+    The first segment keeps the block; the others are `added`, and name no axis. Segments may be cut again.
+    `at_quadrants`: the added segments get no start fraction, because it follows from the quadrants of the circle.
     """
     if not cuts:
         return motions
@@ -77,7 +81,7 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants
     added = np.flatnonzero(later)
     start, target, start_fraction, known_start = result.copies("start", "target", "start_fraction", "known_start")
     start[added] = target[added - 1] = positions_along(motions, rows, shares)
-    start_fraction[added] = np.nan if at_quadrants else shares
+    start_fraction[added] = np.nan if at_quadrants else _of_whole_moves(motions, rows, shares)
     known_start[added] = motions.known[rows]
     result = replace(
         result,
@@ -96,6 +100,22 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants
             arc = part_of(motions.arcs[row], arc_ends(result, i), (high - low) * turned)
             arcs[i] = arc._replace(words=(None, None), pole_block=-1) if low > 0.0 else arc
     return replace(result, arcs=arcs)
+
+
+def _of_whole_moves(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
+    """Shares `(k,)` of programmed moves, of shares `(k,)` of rows `(k,)` that may be segments of them.
+
+    They are nearest to the fractions of the sum, so that they can be written with small numbers.
+    """
+    whole = shares.copy()
+    begin, later = motions.start_fraction, np.append(motions.added[1:], False)
+    end = np.where(later, np.append(begin[1:], 0.0), 1.0)
+    for i in np.flatnonzero((np.isfinite(begin + end) & (motions.added | later))[rows]).tolist():
+        low, high, share = (
+            Fraction(each).limit_denominator(SMALL) for each in (begin[rows[i]], end[rows[i]], shares[i])
+        )
+        whole[i] = float(low + share * (high - low))
+    return whole
 
 
 def part_of(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
