@@ -73,7 +73,7 @@ class HoleWriter:
             clear = min(clear, self._level)
         elif cycle.to_retract:
             clear = max(clear, self._level)
-        if not (cycle.first or cycle.to_retract) and before[1] <= cycle.clear:
+        if not cycle.to_retract and before[1] < self._nominal_level and before[1] <= cycle.clear:
             clear = max(clear, before[0])
         unit, decimals = scale
         corrected = {"R": clear, "depth": depth.corrected}
