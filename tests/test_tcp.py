@@ -323,6 +323,15 @@ def test_the_shortest_way_beyond_the_travel_of_a_table(ncomp):
     assert re.search(r"X9\.9619 Y0\.8716 C=DC\(355\)", written)  # turned by -5 degrees
 
 
+def test_feeds_without_a_conversion(ncomp):
+    Path("mill.toml").write_text(TABLE)
+    Path("tip.nc").write_text(table("G1 Z5. F1000."))
+    done = ncomp("tip.nc", *OPTIONS, "--work-offset", "G54=0,0,0", "--tcp-feed", "scaled", "-o", "out.nc")
+    assert done.status == 2
+    assert "give --tcp too" in done.err
+    assert not Path("out.nc").exists()
+
+
 def test_klartext_has_no_inverse_time(ncomp):
     text = KLARTEXT.format(on="3 M128\n", off="7 M129\n")
     done, _ = convert(ncomp, text, "--tcp-feed", "inverse-time", file="tip.h", offset="0=0,0,0")

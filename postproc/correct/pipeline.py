@@ -28,7 +28,7 @@ from postproc.correct.steps.checks import Checks
 from postproc.correct.steps.correction import Models, PartCorrection
 from postproc.correct.steps.counts import Counts
 from postproc.correct.steps.output import Output
-from postproc.correct.tcp.conversion import Conversion
+from postproc.correct.tcp.conversion import conversion_of
 from postproc.correct.tcp.read_back import ReadBack, setup_of_input
 from postproc.evaluation.evaluation import Evaluated, Evaluation
 from postproc.evaluation.trace import Trace
@@ -83,7 +83,7 @@ class Pipeline:
         notes = Notes()
         setup = setup_of_input(job)
         self._interpreter = job.dialect.interpreter(setup.machine, setup, notes)
-        self._conversion = Conversion(job, notes) if job.tcp else None
+        self._conversion = conversion_of(job, notes)
         self._read_back = ReadBack(job)
         self._state = self._interpreter.control_state
         self._models = models = Models.of(job)

@@ -227,6 +227,13 @@ class Conversion:
             )
 
 
+def conversion_of(job: Job, notes: Notes) -> Conversion | None:
+    """The conversion that a job asks for; UserError for its feeds without it."""
+    if job.tcp_feed and not job.tcp:
+        raise UserError(f"--tcp-feed {job.tcp_feed}: it states the feeds of --tcp to-axes or to-tcp: give --tcp too")
+    return Conversion(job, notes) if job.tcp else None
+
+
 def _timed(cut: Motions, origin: np.ndarray, paced: dict[int, Paced]) -> dict[int, Paced]:
     """The times of the segments, by row: the tool point keeps its speed, or the axes theirs, from end to end.
 
