@@ -171,7 +171,7 @@ def _offset(table: object, where: str, chained: set[str]) -> dict[str, float]:
 def _priors(table: dict[str, Any]) -> Priors:
     """The `[priors]` table; its keys are `kind` and the fields of `Priors`, which differ from those of the kind."""
     own = {name: value for name, value in table.items() if name != "kind"}
-    kind = table.get("kind", "machining-centre")
+    kind = entry(table.get("kind", "machining-centre"), str, "priors.kind")
     if kind not in KINDS:
         raise UserError(f"priors.kind {kind!r} is not known: write one of {', '.join(KINDS)}, or leave it out")
     entry(own, Priors, "priors")

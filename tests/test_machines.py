@@ -219,6 +219,11 @@ BAD = {
         '[priors]\nkind = "lathe"\n[tools]',
         "priors.kind 'lathe' is not known: write one of machining-centre, gantry, arm, printer, mount, stage",
     ),
+    "several kinds of machine": (
+        "[tools]",
+        '[priors]\nkind = ["arm"]\n[tools]',
+        "priors.kind: expected a text in quotes, not a list",
+    ),
     "unknown prior": (
         "[tools]",
         "[priors]\nrepeatability_um = 5\n[tools]",

@@ -9,7 +9,7 @@ and noise found again, since sizes that were found without a cause speak against
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -269,15 +269,15 @@ def _changes(candidates: Candidates) -> Iterator[Move]:
             if odds > max(own, PRESENT) + margin:
                 yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
         if term.width >= PARTS and term.named:
-            parts, joint = _parts(candidates, (number,))
+            parts, joint = _parts(candidates, number)
             if len(parts) > 1 and joint > own + margin + PRESENT * (len(parts) - 1):
                 split = joint - own - PRESENT * (len(parts) - 1)
                 yield Move(split, f"split {term.name}", (*rest, *parts))
-    yield from _regrouped(candidates)
+    yield from _merged(candidates)
 
 
-def _regrouped(candidates: Candidates) -> Iterator[Move]:
-    """One term, or several others, in the place of two."""
+def _merged(candidates: Candidates) -> Iterator[Move]:
+    """One term in the place of two."""
     terms = candidates.structure.terms
     for one in range(len(terms)):
         for other in range(one):
@@ -288,11 +288,6 @@ def _regrouped(candidates: Candidates) -> Iterator[Move]:
                 if odds > joint + RISE + ROUNDING * abs(joint):
                     name = f"merge {terms[one].name} and {terms[other].name} to {rival.name}"
                     yield Move(odds - joint, name, (*rest, rival))
-            if terms[one].named and terms[other].named and terms[one].width + terms[other].width > PARTS:
-                parts, odds = _parts(candidates, (one, other))
-                rise = odds - joint - PRESENT * (len(parts) - 1)
-                if len(parts) > 1 and rise > RISE + ROUNDING * abs(joint):
-                    yield Move(rise, f"split {terms[one].name} and {terms[other].name}", (*rest, *parts))
 
 
 def _periodic(candidates: Candidates, without: Sequence[int]) -> Iterator[tuple[float, Term]]:
@@ -355,12 +350,12 @@ def refined(
     return term, odds
 
 
-def _parts(candidates: Candidates, numbers: Collection[int]) -> tuple[list[Term], float]:
-    """Several terms, one after the other, in the place of those of some numbers; and their log odds together."""
+def _parts(candidates: Candidates, number: int) -> tuple[list[Term], float]:
+    """Several terms, one after the other, in the place of one; and their log odds together."""
     structure = candidates.structure
-    families: Families = candidates.by_family(candidates.odds(numbers))
+    families: Families = candidates.by_family(candidates.odds((number,)))
     short = [candidates.terms[best] for _, best in sorted(families.values(), key=lambda each: -each[0])[:SHORT]]
-    rest = tuple(term for i, term in enumerate(structure.terms) if i not in numbers)
+    rest = tuple(term for i, term in enumerate(structure.terms) if i != number)
     parts: list[Term] = []
     joint = 0.0
     while len(parts) < PARTS:
