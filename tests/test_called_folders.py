@@ -107,6 +107,22 @@ def test_a_job_file_takes_the_sets_of_a_pattern(ncomp, tmp_path):
     assert set(outputs(tmp_path / "corrected")) == {*siemens, "other.nc", "O1000.nc", "3"}
 
 
+def test_an_entry_of_a_called_program_has_the_output_of_its_set(ncomp, tmp_path):
+    head = 'machine = "gantry"\ncalibration = "cal.json"\nset_up_zero = true\n[correction]\ntravel_check = false\naccept = ["outside", "insignificant"]\n'
+    main = '[programs]\n"in/iso/O0001.nc" = "made/O0001.nc"\n"in/iso/O1000.nc" = '
+    (tmp_path / "job.toml").write_text(head + main + '"elsewhere/O1000.nc"\n')
+    done = ncomp("job.toml", "-j", "1")
+    assert done.status == 2
+    assert 'job file job.toml: programs."in/iso/O1000.nc": in/iso/O0001.nc calls this program' in " ".join(
+        done.err.split()
+    )
+    assert not (tmp_path / "made").exists()
+    assert not (tmp_path / "elsewhere").exists()
+    (tmp_path / "job.toml").write_text(head + main + '"made/O1000.nc"\n')
+    assert ncomp("job.toml", "-j", "1").status == 0
+    assert "O1000.nc" in outputs(tmp_path / "made")
+
+
 def test_verify_refuses_a_set_whose_files_are_of_two_corrections(ncomp, tmp_path):
     assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "out/O0001.nc").status == 2
     (tmp_path / "out").mkdir()

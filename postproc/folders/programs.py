@@ -56,6 +56,8 @@ class FolderProgram:
     """Files of the programs that it calls, which are corrected with it."""
     shared: tuple[str, ...] = ()
     """Those of them that other programs of the run call too."""
+    stated: bool = False
+    """True where an entry of a job file names this file alone, with its output."""
     own_names: tuple[str, ...] = ()
     """Names of the parts of its own set-up; a program that does not use them is refused."""
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +37,8 @@ class Sets:
     def main_programs(self, programs: Iterable[FolderProgram], setup: Setup) -> list[FolderProgram]:
         """The programs that no other one calls, each with the files that it calls and those of them that others call.
 
-        Programs that call one another in a circle remain, so that they are refused.
+        Programs that call one another in a circle remain, so that they are refused. UserError for a called one whose
+        own entry of a job file names another output than that beside its main program.
         """
         given = list(programs)
         reached = {each.path: self._reached(each.path, setup) for each in given}
@@ -44,6 +46,11 @@ class Sets:
         roots = [each for each in given if true_path(each.path) not in called]
         below = {true_path(path) for each in roots for path in reached[each.path]}
         roots += [each for each in given if true_path(each.path) in called - below]
+        for each in given:
+            if each.stated and each not in roots:
+                _refuse_other_output(
+                    each, [root for root in roots if true_path(each.path) in map(true_path, reached[root.path])]
+                )
         users = Counter(true_path(path) for each in roots for path in reached[each.path])
         return [
             replace(
@@ -88,3 +95,14 @@ class Sets:
 
 def _same(one: Path, other: Path) -> bool:
     return true_path(one) == true_path(other)
+
+
+def _refuse_other_output(program: FolderProgram, callers: Sequence[FolderProgram]) -> None:
+    """UserError for a program whose output is not where it is written with a program that calls it."""
+    for caller in callers:
+        beside = caller.target.parent / os.path.relpath(program.path, caller.path.parent)
+        if true_path(beside) != true_path(program.target):
+            raise UserError(
+                f'programs."{program.name}": {caller.path} calls this program, so that its correction is written '
+                f"beside that of {caller.path.name}, as {beside}: take out this entry, or give it this output"
+            )

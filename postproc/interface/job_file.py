@@ -270,7 +270,7 @@ class _Reader:
                 found = _within(where, programs_of, path, output, ())
             elif path.is_file():
                 output = output / path.name if output.is_dir() else output
-                found = [FolderProgram(name, path, output, path.stat().st_size)]
+                found = [FolderProgram(name, path, output, path.stat().st_size, stated=True)]
             elif PATTERN.search(name):
                 found = self._matching(name, output)
                 if not found and self._there:

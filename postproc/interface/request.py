@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from kinematics.user_error import UserError
 from machines.given import load_calibration, load_machine
 from postproc.interface.programs import Corrected, check, conditions, correct, set_up
 
@@ -75,9 +76,11 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
         """The programs that no other one calls: called ones are corrected with these."""
         from postproc.folders.sets import Sets
 
-        return Sets(self.correction.get("dialect", "auto")).main_programs(
-            programs, self.setup(load_machine(self.machine))
-        )
+        setup = self.setup(load_machine(self.machine))
+        try:
+            return Sets(self.dialect).main_programs(programs, setup)
+        except UserError as fault:
+            raise UserError(f"job file {self.job}: {fault}") from None
 
     def of_each(self, programs: Iterable[FolderProgram]) -> list[FolderProgram]:
         """The programs, each with its own set-up if it has one."""
