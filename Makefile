@@ -71,8 +71,8 @@ wheel: $(INSTALLED) ## build the wheel, and try it in an empty venv of each Pyth
 	$(BIN)/python -m hatchling build
 	tests/wheel_in_venvs.sh dist/*.whl
 
-pages: $(INSTALLED) ## renew the pages that docs/make writes: codes, refusals, results, outputs of the tutorial and of the notebook
-	for page in controls refusals results tutorial session; do $(BIN)/python docs/make/$$page.py || exit 1; done
+pages: $(INSTALLED) ## renew the pages that docs/make writes: codes, digits of the evidence, refusals, results, outputs of the tutorial and of the notebook
+	for page in controls configuration evidence refusals results tutorial session router; do $(BIN)/python docs/make/$$page.py || exit 1; done
 
 lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 	$(BIN)/pip install --quiet "pip-tools>=7.5"

@@ -22,7 +22,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 NAME = "ncomp"
-PACKAGES = ("calibration", "grammars", "kinematics", "machines", "postproc", "rendering")
+PACKAGES = ("calibration", "grammars", "history", "kinematics", "machines", "postproc", "rendering")
 MAIN = f'''"""`python -m {NAME}`: the command line."""
 
 from {NAME}.postproc.cli import run

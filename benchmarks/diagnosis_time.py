@@ -2,10 +2,10 @@
 
     python benchmarks/diagnosis_time.py [--rows 500 5000] [--machine gantry dmu50 robot] [--times 3]
 
-Data of the tests' own virtual machine (tests/virtual_machine): backlash of X, a cyclic error of Y, or an error outside
-the table of effects, six times the noise of the mean. `robot`: six rotary axes whose links are off by tenths of mm and
-which were logged before they had settled (tests/support/robot.py). Times are those of the whole command on the
-processor, its start included: the median of several, and the longest; then the largest memory.
+Data of the tests' own virtual machine (tests/virtual_machine): backlash of X, a cyclic error of Y, a drift, or
+an error outside the table of effects, six times the noise of the mean. `robot`: six rotary axes whose links are off by
+tenths of mm and which were logged before they had settled (tests/support/robot.py). Times are those of the whole
+command on the processor, its start included: the median of several, and the longest; then the largest memory.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ PASSES = 3
 CAUSES = {
     "backlash": machine_causes.Backlash("X"),
     "cyclic": machine_causes.Cyclic("Y", 8.0, (1.0, 2.5)),
+    "drift": machine_causes.Drift("Z"),
     "without a name": machine_causes.Unknown("Z"),
 }
 LAG = 2e-4

@@ -18,7 +18,12 @@ from postproc.control_data.tables.table_format import TableFormat
 
 FORMATS = formats_of(TableFormat)
 
-SETTINGS = {"fanuc": ["unit_um=0.1", "largest=127"], "mitsubishi": ["unit_um=0.1"]}
+SETTINGS = {
+    "fanuc": ["unit_um=0.1", "largest=127"],
+    "mitsubishi": ["unit_um=0.1"],
+    "grbl": ["steps=X:250,Y:250,Z:400"],
+    "marlin": ["x=-250:250:21", "y=-225:225:19"],
+}
 
 
 def main() -> None:

@@ -97,6 +97,13 @@ class Axis:
         k = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
         return read_only(np.asarray(np.eye(3) + k + k @ k / (1.0 + c)))
 
+    @cached_property
+    def tilted(self) -> Array:
+        """Changes `(3, 3)` of the direction in the error frame, a row for a tilt of 1 rad about each of its axes."""
+        return read_only(
+            np.array([self.error_frame.T @ np.cross(tilt, self.unit_direction) for tilt in self.error_frame.T])
+        )
+
 
 Family = Literal["any", "fanuc", "linuxcnc", "grbl"]
 Probing = Literal["", "beside"]
@@ -182,6 +189,8 @@ class Machine:
     """Entries of the head of its reports."""
     priors: Priors = PRIORS
     """What is known of its errors before any data."""
+    history: str = ""
+    """Database of its life: a file, or the address of a server; empty where its results are not entered."""
 
     def __repr__(self) -> str:
         return f"<Machine: {self.name}, {self.chain}>"

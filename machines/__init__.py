@@ -48,6 +48,7 @@ class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
     datum: dict[str, str] = {}
     report: dict[str, Any] = {}
     priors: dict[str, Any] = {}
+    history: str = ""
 
 
 def names() -> list[str]:
@@ -90,7 +91,8 @@ def parse(text: str, source: str) -> Machine:
     where = f"machine file {source}"
     table = read_table(text, where)
     try:
-        return _build(entry(table, _MachineFile))
+        entries = entry(table, _MachineFile)
+        return replace(_build(entries), history=_database(entries.history, Path(source).parent))
     except UserError as fault:
         raise at_line(text, where, fault) from None
 
@@ -144,6 +146,11 @@ def _build(entries: _MachineFile) -> Machine:
         ReportHead.of_table(entries.report),
         _priors(entries.priors),
     )
+
+
+def _database(text: str, folder: Path) -> str:
+    """The database of the history; a file is relative to the folder of the machine file."""
+    return text if not text or "://" in text else str(folder / text)
 
 
 def _assumed(table: dict[str, Any], where: str) -> tuple[dict[str, Any], bool]:

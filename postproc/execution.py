@@ -6,12 +6,13 @@ jumps, loops or calls is stored: it is interpreted once, and corrected when all 
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import pickle
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -23,21 +24,21 @@ from postproc.control.codes import AXES
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
 from postproc.dialects import Dialect
+from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions, merged
 from postproc.program_lines import irregular_lines, read_blocks
 from postproc.program_set import CalledFile, ProgramSet, called_files, names_in_text
 from postproc.text.block import Block, Refusal
 from postproc.text.block_values import straight
-from postproc.text.blocks import PlainRun
+from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.flow import Flow
-from postproc.text.source import CHUNK, Source
+from postproc.text.source import CHUNK, ENCODING, Source
 from postproc.write.plain_texts import PlainText
 
 KEPT = 16
 """Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""
 CALL = "program_call"
 """Kind of a block with CALL PGM."""
-Item = TypeVar("Item")
 
 
 class Part(msgspec.Struct, frozen=True):
@@ -50,6 +51,8 @@ class Part(msgspec.Struct, frozen=True):
     """Index in the program of every block that ran; None if every block runs once."""
     varied: frozenset[int] = frozenset()
     """Indices of blocks of the chunk that run several times with different moves."""
+    repeated: bool = False
+    """True if blocks of the chunk may run several times."""
 
 
 def joined_before_rotary_moves(parts: Iterable[Part]) -> Iterator[Part]:
@@ -83,6 +86,7 @@ def _joined(parts: list[Part]) -> Part:
         sum(part.size for part in parts),
         None if parts[0].indices is None else indices,
         frozenset(first + i for first, part in zip(firsts, parts, strict=False) for i in part.varied),
+        any(part.repeated for part in parts),
     )
 
 
@@ -186,19 +190,22 @@ class StoredProgram(StreamedProgram):
     """The program and the files that it has called so far."""
     texts: dict[int, str] = field(init=False, default_factory=dict)
     """Corrected texts of the blocks that ran."""
+    bulk: bool = field(default=False, kw_only=True)
+    """True if plain lines are read together."""
 
     def parts(self) -> Iterator[Part]:
         """Chunks of blocks in the order of execution."""
         try:
-            self.program_set = files = ProgramSet(self.source, self.dialect, self.interpreter)
+            axes = self._axes if self.bulk else ""
+            self.program_set = files = ProgramSet(self.source, self.dialect, self.interpreter, axes=axes)
             flow = Flow(files.blocks, self.interpreter.scope, self.dialect.labels, self.dialect.begins, files)
             runs = flow.run(self.interpreter)
             size = sum(len(block.text) for block in files.blocks)
             more = True
             while more:
                 indices: list[int] = []
-                chunk = _chunk(runs, lambda run: self.dialect.leads(run[1]))
-                motions = self.interpreter.read(_noting(chunk, indices.append))
+                chunk = _chunk(runs, self.dialect.leads)
+                motions = self.interpreter.read(_noting(chunk, indices))
                 more = len(indices) >= CHUNK
                 yield Part(motions, size, indices)
                 size = 0
@@ -216,7 +223,7 @@ class StoredProgram(StreamedProgram):
                 if len(kept) < KEPT:
                     kept.append(part)
                 else:
-                    pickle.dump(part, file)
+                    pickle.dump(_read_singly(part), file)
                     stored += 1
             file.seek(0)
             for part in itertools.chain(kept, (pickle.load(file) for _ in range(stored))):
@@ -224,8 +231,7 @@ class StoredProgram(StreamedProgram):
 
     def finished(self, part: Part, texts: list[str | PlainText]) -> tuple[Sequence[Block], list[str | PlainText]]:
         """No blocks before the end; Refusal for a block that runs more than once with different texts."""
-        for index, text in zip(part.indices or (), texts, strict=True):
-            assert isinstance(text, str)  # its blocks are read one by one
+        for index, text in zip(part.indices or (), _of_blocks(texts), strict=True):
             first = self.texts.setdefault(index, text)
             if first != text:
                 shown = " and ".join(repr(part.strip()) for part in (first, text))
@@ -291,10 +297,13 @@ class _Contexts:
         self._first: dict[int, bytes] = {}
         """Move of the first run, by block of the program."""
         self._varied: set[int] = set()
+        self._runs: Counter[int] = Counter()
+        """How often each block runs."""
 
     def add(self, part: Part) -> None:
         """Add the moves of a chunk."""
         motions, indices = part.motions, part.indices or ()
+        self._runs.update(indices)
         columns = (np.round(motions.start, 9), np.round(motions.target, 9), motions.known_start, motions.known)
         moves = np.hstack([motions.machine_target.round(9), *columns]) + 0.0
         for row, block in enumerate(motions.block.tolist()):
@@ -304,7 +313,9 @@ class _Contexts:
 
     def marked(self, part: Part) -> Part:
         """The chunk with its blocks that run several times with different moves."""
-        return replace(part, varied=frozenset(i for i, index in enumerate(part.indices or ()) if index in self._varied))
+        indices = part.indices or ()
+        varied = frozenset(i for i, index in enumerate(indices) if index in self._varied)
+        return replace(part, varied=varied, repeated=any(self._runs[index] > 1 for index in indices))
 
 
 class _Chunks(msgspec.Struct):
@@ -328,15 +339,37 @@ class _Chunks(msgspec.Struct):
                 return
 
 
-def _chunk(items: Iterator[Item], leads: Callable[[Item], bool]) -> Iterator[Item]:
-    """The next items of a chunk; it does not end at an item that `leads` the next."""
-    for count, item in enumerate(items, start=1):
-        yield item
-        if count >= CHUNK and not leads(item):
+def _chunk(
+    steps: Iterator[tuple[int, Block | PlainRun]], leads: Callable[[Block], bool]
+) -> Iterator[tuple[int, Block | PlainRun]]:
+    """The next steps of a chunk; it does not end at a block that `leads` the next."""
+    count = 0
+    for step in steps:
+        yield step
+        item = step[1]
+        count += len(item) if isinstance(item, PlainRun) else 1
+        if count >= CHUNK and (isinstance(item, PlainRun) or not leads(item)):
             return
 
 
-def _noting(steps: Iterator[tuple[int, Block]], note: Callable[[int], None]) -> Iterator[Block]:
-    for index, block in steps:
-        note(index)
-        yield block
+def _noting(steps: Iterator[tuple[int, Block | PlainRun]], noted: list[int]) -> Iterator[Block | PlainRun]:
+    """The items of steps; `noted` becomes the indices of their blocks."""
+    for index, item in steps:
+        noted.extend(range(index, index + (len(item) if isinstance(item, PlainRun) else 1)))
+        yield item
+
+
+def _of_blocks(texts: Iterable[str | PlainText]) -> Iterator[str]:
+    """The text of each block."""
+    for text in texts:
+        if isinstance(text, PlainText):
+            yield from text.data.decode(ENCODING).splitlines(keepends=True)
+        else:
+            yield text
+
+
+def _read_singly(part: Part) -> Part:
+    """The part without runs of plain lines, which cannot be stored in a file."""
+    motions = part.motions
+    words = AxisWords([list(motions.words)])
+    return replace(part, motions=dataclasses.replace(motions, blocks=Blocks(list(motions.blocks)), words=words))

@@ -37,6 +37,8 @@ class MeasuringSequence:
     """Axis positions `(n, axes)` to pass before each position; nan for none."""
     names: Sequence[str]
     targets: Sequence[str]
+    stations: Sequence[str] = ()
+    """Station of the instrument for each observation; empty where it stands at one."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +86,16 @@ def measuring_program(
     machine, positions = sequence.machine, sequence.positions
     form, offset = program_format(machine, settings, dialect), settings.offset_of(machine)
     yield from form.head([*_remarks(sequence, settings, title), *assumptions(dialect, settings)])
-    mounted = None
+    mounted = station = None
     for i, (name, target) in enumerate(zip(sequence.names, sequence.targets, strict=True)):
-        if target != mounted:
-            code = "M0" if mounted is None else settings.target_change
-            path = " AND THE PATH TO THE FIRST POSITION IS CLEAR" if mounted is None else ""
-            yield from form.stop(code, f"GO ON WHEN TARGET {target} IS READY{path}")
-            mounted = target
+        here = sequence.stations[i] if sequence.stations else None
+        if (here, target) != (station, mounted):
+            first = mounted is None or here != station
+            code = "M0" if first else settings.target_change
+            path = " AND THE PATH TO THE FIRST POSITION IS CLEAR" if first else ""
+            ready = f"TARGET {target} IS READY" if here is None else f"STATION {here} AND TARGET {target} ARE READY"
+            yield from form.stop(code, f"GO ON WHEN {ready}{path}")
+            mounted, station = target, here
         if sequence.before is not None and not np.isnan(sequence.before[i, 0]):
             yield form.move(axis_words(machine, sequence.before[i] - offset), "")
         if i == 0 or name != sequence.names[i - 1] or not np.array_equal(positions[i], positions[i - 1]):

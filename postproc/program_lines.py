@@ -56,7 +56,7 @@ def _items(
     if first is not None:
         yield first
         done = max(1, first[1].count("\n"))
-    number = 1
+    number = source.before + 1
     waiting: list[tuple[int, str]] = []
     """Lines that the next one continues."""
     for piece, lines in _pieces(source, axes, style, ahead=ahead):

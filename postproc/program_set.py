@@ -8,22 +8,30 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from postproc.control.block_skip import decide
 from postproc.control.codes import PROBE_BESIDE
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
 from postproc.dialects import Dialect
+from postproc.program_lines import read_blocks
 from postproc.text.block import Block, Refusal
-from postproc.text.calls.called_files import CalledFiles, Found, shown_name
+from postproc.text.blocks import PlainRun
+from postproc.text.calls.called_files import CalledFiles, Found, posted_suffix, shown_name
 from postproc.text.calls.listing import Passed
 from postproc.text.dialect_evidence import TITLES, definite, evidence
 from postproc.text.expressions import NotKnown, Scope, evaluate
 from postproc.text.line_numbers import first_line
-from postproc.text.source import ENCODING, Source, open_source
+from postproc.text.source import CHUNK, ENCODING, Source, open_source
 from postproc.text.statements import Assign, Call, Code, Modal, When
 
 PROBING_MACRO = re.compile(r"O9[78]\d\d")
 """Names of the macros for probes of a machine (Renishaw, Blum)."""
+
+
+SET_UP = ".toml"
+"""Suffix behind the name of a program, of the file with its set-up."""
 
 
 class CalledFile(NamedTuple):
@@ -41,9 +49,21 @@ class ProgramSet:
     """The blocks of a program, and of the files that it has called so far."""
 
     def __init__(
-        self, source: Source, dialect: Dialect, interpreter: Interpreter, blocks: Iterable[Block] | None = None
+        self,
+        source: Source,
+        dialect: Dialect,
+        interpreter: Interpreter,
+        blocks: Iterable[Block] | None = None,
+        *,
+        axes: str = "",
     ) -> None:
-        """`blocks`: those of the main program, if they are read. Refusal for a block that is not understood."""
+        """`blocks`: those of the main program, if they are read. Refusal for a block that is not understood.
+
+        axes: letters of the axes, for the runs of plain lines; empty for none.
+        """
+        self._axes = axes
+        self.runs: dict[int, PlainRun] = {}
+        """Runs of plain lines by the index of their first block."""
         self.source, self.dialect, self._interpreter = source, dialect, interpreter
         self.found = called_files(source, dialect, interpreter.control_state.setup)
         self.end = dialect.end
@@ -98,6 +118,11 @@ class ProgramSet:
         """Read a file behind the others; returns its first block."""
         if self.source.data is None and found.path.resolve() == Path(self.source.name).resolve():
             raise NotKnown(f"the program calls itself: {found.path} is the main program; end the recursion")
+        if (own := found.path.with_name(found.path.name + SET_UP)).is_file():
+            raise NotKnown(
+                f"{own} is the set-up of {found.path.name} alone, and a called program runs in that of its main "
+                "program: write its entries there, and delete it or rename it"
+            )
         source = open_source(str(found.path))
         self._check_dialect(source, found.path)
         self._refuse_same_output(found)
@@ -107,15 +132,23 @@ class ProgramSet:
             last = first + self._link(self._read(source, first_line(source.name)), source.folder)
         except BaseException:
             del self.blocks[first - 1 :]
+            self.runs = {index: run for index, run in self.runs.items() if index < first}
             raise
         self.called.append(CalledFile(source, found.name, first, last))
         return first
 
     def _read(self, source: Source, before: int) -> Iterator[Block]:
         """The blocks of a file, whose lines are counted from a number on."""
-        state = self._interpreter.control_state
-        for line, text in self.dialect.join_lines(source.lines()):
-            yield decide(self.dialect.read_block(before + line, text), state.setup.block_skip, self._interpreter.notes)
+        state, index = self._interpreter.control_state, len(self.blocks)
+        for item in read_blocks(replace(source, before=source.before + before), self.dialect, self._axes):
+            if isinstance(item, PlainRun):
+                for line in range(0, len(item), CHUNK):
+                    self.runs[index + line] = item.part(line, min(line + CHUNK, len(item)))
+                yield from map(item.block, range(len(item)))
+                index += len(item)
+            else:
+                yield decide(item, state.setup.block_skip, self._interpreter.notes)
+                index += 1
 
     def _link(self, blocks: Iterable[Block], folder: Path | None) -> int:
         """Add the blocks of a file, which is called if it has a folder; returns how many they are."""
@@ -154,7 +187,8 @@ def called_files(source: Source, dialect: Dialect, setup: Setup, main: Path | No
     main: folder of the main program, if this is another one.
     """
     own = [folder for folder in (source.folder, main) if folder is not None]
-    return CalledFiles(list(dict.fromkeys((*own, *map(Path, setup.subprograms)))), dialect.names)
+    folders = list(dict.fromkeys((*own, *map(Path, setup.subprograms))))
+    return CalledFiles(folders, dialect.names, posted_suffix(source.name) if dialect.name == "iso" else "")
 
 
 def names_in_text(dialect: Dialect, files: CalledFiles) -> re.Pattern[str] | None:

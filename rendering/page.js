@@ -327,6 +327,8 @@ window.addEventListener("beforeprint", () => {
   for (const each of document.querySelectorAll("details:not([open])")) { closed.push(each); each.open = true; }
 });
 window.addEventListener("afterprint", () => { for (const each of closed.splice(0)) each.open = false; });
+if (parent !== window)  // in the frame of a page that cannot look into this one
+  new ResizeObserver(() => parent.postMessage({height: root.offsetHeight}, "*")).observe(root);
 all().catch(fault => {
   root.dataset.ready = "failed";
   root.dataset.fault = String(fault && fault.message || fault);

@@ -7,13 +7,17 @@ import gzip
 import json
 import re
 from collections.abc import Callable, Sequence
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from kinematics.user_error import UserError
 from rendering.report import Report, Section, Table
 from rendering.si import si, si_labels
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 FOLDED = 20
 """Most rows of a table that is not folded."""
@@ -47,17 +51,12 @@ class Form(NamedTuple):
 
 def page(report: Report, done: Callable[[float], None] = lambda _: None) -> bytes:
     """The whole page, with the verdict at its top; done: called with the share of its figures that are drawn."""
-    from jinja2 import Environment, FileSystemLoader
-
-    environment = Environment(loader=FileSystemLoader(HERE), autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["si"], environment.filters["css_text"] = si, css_text
-    environment.tests["unbroken"] = _unbroken
     figures, drawn = [], [each.figure for each in report.sections if each.figure]
     for number, figure in enumerate(drawn):
         done(number / len(drawn))
         figures.append(figure().spec())
     return (
-        environment.get_template("page.html")
+        _template()
         .render(
             report=report,
             folded=_folded,
@@ -69,6 +68,17 @@ def page(report: Report, done: Callable[[float], None] = lambda _: None) -> byte
         )
         .encode(errors="replace")  # a name of a file may hold bytes that are no text
     )
+
+
+@cache
+def _template() -> Template:
+    """The page with its gaps, translated once in a process."""
+    from jinja2 import Environment, FileSystemLoader
+
+    environment = Environment(loader=FileSystemLoader(HERE), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["si"], environment.filters["css_text"] = si, css_text
+    environment.tests["unbroken"] = _unbroken
+    return environment.get_template("page.html")
 
 
 def as_script(value: object) -> str:
@@ -119,8 +129,9 @@ def _folded(section: Section) -> bool:
     return rows > FOLDED or (section.detail and section.figure is None)
 
 
+@cache
 def _library() -> str:
-    """Plotly's JavaScript, packed, as base64."""
+    """Plotly's JavaScript, packed, as base64; packed once in a process."""
     found = find_spec("plotly")
     if found is None or not found.submodule_search_locations:
         raise UserError("the page needs the package plotly: pip install plotly")

@@ -16,7 +16,7 @@ from clients import chromium as browsers
 from clients import freecad as freecad_posts
 from clients import klipper as klipper_code
 from clients import linuxcnc_sim as simulator
-from clients import rs274
+from clients import postgresql, rs274
 from support.command import Done, run_command
 from support.file_examples import PROGRAM
 from support.programs import load, shifted
@@ -36,6 +36,7 @@ WHOLE_TIERS = {"statistical", "exam"}
 LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
 INTEGRATION = {
     "command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", "chromium", "freecad", "klipper",
+    "postgres_server",
     *LINUXCNC,
 }  # fmt: skip
 """A test with one of these fixtures is an integration test, unless it is marked as statistical or exam."""
@@ -43,8 +44,8 @@ INTEGRATION_MODULES = {
     "test_bad_data", "test_blas", "test_chunks", "test_cli", "test_compensate", "test_conditions",
     "test_continuous", "test_control_state", "test_dependence", "test_diagnosis_exam", "test_diagnosis_frame",
     "test_diagnosis_left", "test_diagnosis_page", "test_docs_commands", "test_docs_controls", "test_docs_pages", "test_diagnosis_scans", "test_diagnosis_selection",
-    "test_direction", "test_distance_correlation", "test_encodings", "test_error_transform", "test_file_faults",
-    "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_golden", "test_held_out_lines", "test_hooks", "test_in_place",
+    "test_direction", "test_distance_correlation", "test_encodings", "test_error_transform", "test_evidence", "test_file_faults",
+    "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_golden", "test_held_out_lines", "test_history", "test_history_trends", "test_hooks", "test_in_place",
     "test_iso_coordinates", "test_iterations", "test_jumping_errors", "test_klartext_arcs",
     "test_klartext_generated", "test_klartext_job", "test_klartext_polar", "test_model", "test_mutations",
     "test_never_worse", "test_next_measurement", "test_nothing_shared", "test_on_the_fly", "test_on_the_fly_plan", "test_own_output",
@@ -147,6 +148,16 @@ def chromium() -> Iterator[browsers.Chromium]:
     browser = browsers.Chromium()
     yield browser
     browser.close()
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[postgresql.Server]:
+    """A server of PostgreSQL with a data folder of its own; skipped or failed where it is missing, like `linuxcnc`."""
+    if not postgresql.available():
+        _missing("PostgreSQL", "postgresql")
+    server = postgresql.Server()
+    yield server
+    server.close()
 
 
 def _missing(client: str, package: str = "linuxcnc-uspace") -> NoReturn:

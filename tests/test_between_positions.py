@@ -15,7 +15,7 @@ from support.virtual_measurements import THREE, measured, positions, truth, writ
 import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.curves.between_positions import with_curves_between
-from calibration.fit.curves.line_shares import OF_SPHERES, line_shares
+from calibration.fit.curves.line_shares import line_shares
 from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, priors, rigid_model, with_effects
@@ -82,7 +82,7 @@ def test_lines_of_one_class_show_their_size_together(true, least, most):
         right += [value / noise**2 * (axis != "Z") for value in values]
     seen = np.repeat([1.0, 1.0, 0.0], 14) / noise**2
     free = dict.fromkeys(processes, np.array([True, False]))
-    shares = line_shares(processes, free, np.diag(seen), np.concatenate(right), OF_SPHERES)
+    shares = line_shares(processes, free, np.diag(seen), np.concatenate(right))
     assert least <= shares["Z"][0] <= most
     assert shares["X"][0] == shares["Z"][0]
     assert {own[1] for own in shares.values()} == {1.0}

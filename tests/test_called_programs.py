@@ -108,11 +108,33 @@ def test_a_set_of_fanuc_is_corrected_in_its_files(tmp_path):
     assert verdict.verdict.after.largest < 0.3
 
 
+def changed(name, old, new):
+    return {**FANUC, name: FANUC[name].replace(old, new)}
+
+
+FANUC_GANTRY = replace(GANTRY, control=replace(GANTRY.control, family="fanuc"))
+FANUC_SETUP = ncomp.set_up(FANUC_GANTRY, zero=True)
+
+
 def test_the_programs_of_a_set_make_the_moves_of_its_calls(tmp_path):
     folder = written(tmp_path / "in", FANUC)
     done = ncomp.correct(folder / "O0001.nc", GANTRY, "none", setup=SETUP, travel_check=False)
     assert done.report.notes[0].startswith("the calls of O1000.nc, 3, o9001.NC are written out")
     assert np.allclose(done.moves.machine_target, FANUC_PATH)
+
+
+@pytest.mark.parametrize("call", ["M98 P0002 1000", "M98 P2 1000", "M98P00021000"])
+def test_repetitions_before_the_number_of_a_program(tmp_path, call):
+    folder = written(tmp_path, changed("O0001.nc", "M98 P1000 L2", call))
+    done = ncomp.correct(folder / "O0001.nc", FANUC_GANTRY, "none", setup=FANUC_SETUP, travel_check=False)
+    assert np.allclose(done.moves.machine_target, FANUC_PATH)
+
+
+@pytest.mark.parametrize("line", ["G4 P0002 1000", "G1 P0002 1000 X5."])
+def test_a_number_with_a_blank_outside_of_a_call_is_refused(tmp_path, line):
+    folder = written(tmp_path, changed("O0001.nc", "M98 P1000 L2", line))
+    with pytest.raises(UserError, match=r"O0001\.nc:5: "):
+        ncomp.correct(folder / "O0001.nc", FANUC_GANTRY, "none", setup=FANUC_SETUP, travel_check=False)
 
 
 # arguments of G65, and by FANUC's manual (argument specification II) where G1 X#4 Y#7 Z#9 ends
@@ -144,10 +166,6 @@ def test_arguments_whose_variable_is_not_clear_are_refused(tmp_path, arguments):
         ncomp.correct(folder / "O1", machine, "none", setup=ncomp.set_up(machine, zero=True), travel_check=False)
 
 
-def changed(name, old, new):
-    return {**FANUC, name: FANUC[name].replace(old, new)}
-
-
 REFUSED = {
     "missing": (
         {name: text for name, text in FANUC.items() if name != "3"},
@@ -170,6 +188,27 @@ REFUSED = {
     "not understood": (changed("3", "G0", "G31"), r"in/3:2: .*G31"),
     "empty": ({**FANUC, "3": ""}, r"in/3 is empty"),
 }
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_refusals_and_notes_of_a_program_that_is_written_out_name_the_line_of_the_input(tmp_path, alike):
+    """The text with its calls written out has lines of its own, which nobody has seen."""
+    move = "G1 X300. Y200. Z0. F500" if alike else "G91 G1 X30. Z-10. F500\nG90"
+    main = f"%\nO0001\nG21 G90 G54 G17\nG0 X100. Y100. Z50.\nM98 P1000 L3\n{'' if alike else 'M77'}\nM30\n%\n"
+    folder = written(tmp_path / "in", {"O0001.nc": main, "O1000.nc": f"O1000\n{move}\nX9000.\nM77\nM99\n"})
+    with pytest.raises(UserError, match=r"in/O1000\.nc:\d: 'X9000\.'.*outside"):
+        ncomp.correct(folder / "O0001.nc", GANTRY, MODEL, setup=SETUP, beside=not alike)
+    (folder / "O1000.nc").write_text(f"O1000\n{move}\nM77\nM99\n")
+    done = ncomp.correct(folder / "O0001.nc", GANTRY, MODEL, setup=SETUP, travel_check=False)
+    assert "O1000.NC LINE" in done.text
+    (note,) = [note for note in done.report.notes if "M77" in note]
+    assert f"(line O1000.nc:{3 if alike else 4}, {3 if alike else 4} times)" in note
+
+
+def test_a_set_up_beside_a_called_file_is_refused(tmp_path):
+    folder = written(tmp_path, {**FANUC, "O1000.nc.toml": "[work_offsets]\nG54 = { X = 5, Y = 0, Z = 0 }\n"})
+    with pytest.raises(UserError, match=r"O0001\.nc:5: .*O1000\.nc\.toml is the set-up of O1000\.nc alone"):
+        corrected(folder / "O0001.nc", tmp_path / "out")
 
 
 @pytest.mark.parametrize(("files", "message"), REFUSED.values(), ids=REFUSED)
@@ -248,8 +287,11 @@ def test_a_move_that_is_no_path_is_refused_while_mcall_of_a_subprogram_is_active
 
 SIEMENS_REFUSED = {
     "missing": ("L100 P2", "L200", r"MAIN\.MPF:6: 'L200': .*no subprogram L200, and no file of it is in \S*/in"),
-    "absolute": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/_N_SIDE_SPF"', r"MAIN\.MPF:8: .*by its name alone"),
-    "above": ('"_N_SIDE_SPF"', '"../SIDE"', r"MAIN\.MPF:8: .*by its name alone"),
+    "absolute": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/_N_SIDE_SPF"', r"MAIN\.MPF:8: .*in the folder that ;\$PATH= gives"),
+    "above": ('"_N_SIDE_SPF"', '"../SIDE"', r"MAIN\.MPF:8: .*in the folder that ;\$PATH= gives"),
+    "absolute by a formula": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/" << "SIDE"', r"MAIN\.MPF:8: .*in the folder that"),
+    "unknown": ('CALL "_N_SIDE_SPF"', "CALL WHICH", r"MAIN\.MPF:8: .*WHICH is not set by the program"),
+    "blocks": ('CALL "_N_SIDE_SPF"', "CALL BLOCK N1 TO N2", r"MAIN\.MPF:8: .*CALL"),
     "with other words": ("L100 P2", "G1 X5 L100", r"MAIN\.MPF:6: .*must be alone"),
     "twice with VAR": ("DOUBLE(R1+300, RESULT)", "DOUBLE(300, RESULT) P2", r"DOUBLE\.SPF:1: .*VAR"),
     "number for VAR": ("DOUBLE(R1+300, RESULT)", "DOUBLE(300, 5)", r"DOUBLE\.SPF:1: .*VAR"),
@@ -261,6 +303,27 @@ def test_a_siemens_set_that_cannot_be_used_is_refused_with_its_place(tmp_path, o
     folder = written(tmp_path / "in", {**SIEMENS, "MAIN.MPF": SIEMENS["MAIN.MPF"].replace(old, new)})
     with pytest.raises(UserError, match=message):
         corrected(folder / "MAIN.MPF", tmp_path / "out")
+
+
+CALCULATED = {
+    "joined": 'R5=-100\nCALL "L" << ABS(R5)',
+    "variable": 'DEF STRING[20] WHICH="L100_SPF"\nCALL WHICH',
+    "of its folder": 'CALL "/_N_WKS_DIR/_N_PART_WPD/L100"',
+    "of its folder, joined": 'CALL "/_N_WKS_DIR/_N_PART_WPD/_N_L" << 100 << "_SPF"',
+}
+
+
+@pytest.mark.parametrize("line", CALCULATED.values(), ids=CALCULATED)
+def test_a_siemens_program_called_by_a_formula_or_by_the_path_of_its_folder(tmp_path, line):
+    main = f"%_N_MAIN_MPF\n;$PATH=/_N_WKS_DIR/_N_PART_WPD\nG71 G90 G54 G17\nG0 X100 Y100 Z50\n{line}\nM30\n"
+    folder = written(tmp_path / "in", {"MAIN.MPF": main, "L100.SPF": "G1 X300 Y200 Z0 F500\nM17\n"})
+    done = corrected(folder / "MAIN.MPF", tmp_path / "out")
+    assert [each.name for each in done.called] == ["L100.SPF"]
+    assert line.splitlines()[-1] in (tmp_path / "out" / "MAIN.MPF").read_text()
+    words = re.search(r"X(\S+) Y(\S+) Z(\S+) F500", (tmp_path / "out" / "L100.SPF").read_text()).groups()
+    assert np.abs(tool_points([list(map(float, words))]) - (300, 200, 0)).max() < 0.0003
+    nominal = ncomp.correct(folder / "MAIN.MPF", GANTRY, "none", setup=SETUP, travel_check=False).moves
+    assert nominal.machine_target[-1].tolist() == [300, 200, 0]
 
 
 KLARTEXT_PATH = [

@@ -65,6 +65,7 @@ def test_linuxcnc_with_conventional_directions(ncomp):
 FORMATS = ("siemens-trafo5", "siemens-tcarr", "heidenhain-transformations", "fanuc-kinematics")
 
 
+@pytest.mark.usefixtures("few_positions")
 @pytest.mark.parametrize("form", FORMATS)
 def test_parameters_of_other_controls(ncomp, form):
     """Those of the machine file agree with it; those by a calibration agree with the measured lines."""
@@ -84,8 +85,22 @@ def test_parameters_of_other_controls(ncomp, form):
         assert math.hypot(*found[axis, "machine file", "control"]["shift_mm"]) > 0.01
 
 
+@pytest.mark.usefixtures("mill")
+def test_a_folder_with_the_values_before_and_after_an_export_is_refused(ncomp):
+    """Both belong to one control at different times, and the older ones hid the newer ones."""
+    Path("pins").mkdir()
+    Path("pins/pivots.hal").write_text("\n".join(trunnion.real("A")) + "\n")
+    assert not compared(ncomp, "--control-kinematics", "pins")[0]
+    Path("pins/pivots_before.hal").write_text("\n".join(trunnion.pins("A", trunnion.POINT, trunnion.TILT["A"])) + "\n")
+    done = ncomp("check", "--machine", "mill.toml", "--control-kinematics", "pins")
+    assert done.status == 2
+    assert "pivots_before.hal and pivots.hal: give the file whose values are in the control" in done.err
+    assert compared(ncomp, "--control-kinematics", "pins/pivots_before.hal")[0]
+
+
 REFUSED = {
-    "program and kinematics": (("part.nc", "--cam-kinematics", "cam.toml"), "leave it out"),
+    "program and kinematics": (("part.nc", "--cam-kinematics", "cam.toml"), "leave out the program, to compare"),
+    "program and calibration": (("part.nc", "-c", "now.json"), "the check of a program needs no calibration"),
     "nothing": ((), "give a program"),
     "another chain": (("--cam-kinematics", "other.toml"), "with the same axes in the same order"),
     "no kinematics": (("--control-kinematics", "part.nc"), "no kinematics that ncomp reads"),

@@ -191,7 +191,12 @@ BAD_LOGS = [
     ("", "expected one column time_s, found none"),
     (
         "time,temp_a\n0,20\n",
-        ":1: expected one column time_s, found none; the columns of a log are time_s and temp_NAME, and time is neither",
+        ":2, column time: '0' is no date with a time of day: write it as 2026-11-30 09:12:05",
+    ),
+    (
+        "Zeit,temp_a\n0,20\n",
+        ":1: expected one column time_s, found none; the columns of a log are time_s or time, and temp_NAME, and Zeit is "
+        "neither; or give a column map (--log-columns MAP.toml)",
     ),
     ("time_s,temp_a\n0,-300\n", ":2, column temp_a: -300 degC is below absolute zero"),
     ("time_s,temp_a,temp_a\n0,20,20\n", ":1: expected one column temp_a, found 2"),
@@ -237,7 +242,7 @@ def test_a_log_that_is_not_there(tmp_path):
 
 def test_a_log_that_lacks_a_column_says_what_it_has(log):
     conditions = make_conditions(log=log("time_s,temp_bed,scale\n0,20,21\n"))
-    with pytest.raises(UserError, match=r"needs the temperature 'scale'.*has time_s, temp_bed; the columns of a log are time_s and temp_NAME, and scale is neither"):  # fmt: skip
+    with pytest.raises(UserError, match=r"needs the temperature 'scale'.*has time_s, temp_bed; the columns of a log are time_s or time, and temp_NAME, and scale is neither"):  # fmt: skip
         corrected(model_of(GANTRY, DriftWithSensor(component="Z", sensor="scale", coefficient=-6.0)), conditions)
 
 

@@ -133,12 +133,23 @@ def test_the_map_does_not_extend_along_an_axis_that_did_not_move(tmp_path):
     assert not any(re.search(r": .*\bZ\b", title) for title in titles if "correction" in title)
 
 
-def test_a_tie_names_the_other_cause_in_its_first_sentence(tmp_path):
+def test_a_tie_names_the_other_cause_in_its_first_sentence_and_what_separates_it(tmp_path):
+    """An axis that stops short by a share of its step looks like a backlash, in a sweep of equal steps."""
     (tmp_path / "data.csv").write_text(draws.tied_backlash("cframe", 1).sheet(), encoding="utf-8")
     found = told(tmp_path, tmp_path / "data.csv")
     first = next(line for line in found.lines if "TIED with" in line)
     assert "settling" in first
     assert "Similar causes" in found.page
+    (cause,) = found.document["effects"]
+    assert cause["verdict"] == "tied"
+    odds = {each["kind"]: each["odds"] for each in cause["alternatives"]}
+    assert {cause["kind"], *odds} >= {"backlash", "settling"}
+    assert all(each < 150.0 for each in odds.values())
+    proposal = found.document["moves"][0]
+    assert proposal["says"] == found.document["next_measurement"]
+    assert proposal["minutes"] > 0.0
+    assert "settling" in proposal["says"]
+    assert " min): this " in proposal["says"]
 
 
 def function(*variables: str) -> Unnamed:
@@ -179,6 +190,7 @@ def test_a_function_of_positions_is_added_on_request(tmp_path, by_position):
     assert "The new calibration corrects it" in found.page
 
 
+@pytest.mark.statistical
 def test_a_function_of_the_time_is_not_added_and_the_page_says_why(tmp_path):
     data = written(there_and_back(function("X", "time"), rows=300), tmp_path / "data.csv")
     found = told(tmp_path, data, "--unexplained", "add")
@@ -188,6 +200,7 @@ def test_a_function_of_the_time_is_not_added_and_the_page_says_why(tmp_path):
     assert "does not come again" in found.page
 
 
+@pytest.mark.statistical
 def test_open_periods_of_a_rotary_axis_are_told_with_their_orders(tmp_path):
     """At steps of 5 deg, 30 and 42 waves in a turn look the same."""
     rng = np.random.default_rng(3)
@@ -226,7 +239,7 @@ def test_a_calibration_that_is_worse_than_none_is_called_so(tmp_path, half_waves
     assert len(found.document["zeros"]) == 4
 
 
-@pytest.mark.parametrize("factor", [0.02, 50.0])
+@pytest.mark.parametrize("factor", [pytest.param(0.02, marks=pytest.mark.statistical), 50.0])
 def test_a_sheet_that_is_far_off_is_told_with_the_noise_that_was_found(tmp_path, factor):
     data = written(there_and_back(Backlash("X", 80.0)), tmp_path / "data.csv")
     stated = {"u_range_um_per_m": 0.5 * factor, "u_angle_um": 3.0 * factor, "u_angle_um_per_m": 3.0 * factor}

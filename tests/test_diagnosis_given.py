@@ -71,7 +71,10 @@ def left(machine, model: ErrorModel, *more: Effect) -> float:
     return float(np.sqrt(np.mean((true - told) ** 2)))
 
 
-@pytest.mark.parametrize("given", [by_fit, by_diagnosis], ids=["by fit", "by diagnosis"])
+@pytest.mark.parametrize(
+    "given",
+    [pytest.param(by_fit, id="by fit"), pytest.param(by_diagnosis, id="by diagnosis", marks=pytest.mark.statistical)],
+)
 def test_the_same_machine_confirms_its_calibration_and_makes_it_surer(given):
     found = diagnose(data_of(CFRAME, 2, 120), given())
     assert found.confirmed

@@ -198,7 +198,7 @@ def test_a_gear_in_a_log_is_one_wave_with_its_harmonics():
         turn = 2.0 * np.pi * x / 0.25
         return 14.0 * np.sin(turn) + 4.0 * np.cos(2.0 * turn) + 2.0 * np.sin(3.0 * turn) + 0.2 * (x - 105.0) ** 2
 
-    found = search(Observations.of(logged(gear))).structure
+    found = search(Observations.of(logged(gear, 450))).structure
     (term,) = found.terms
     assert term.kind == "cyclic"
     assert term.effects[0].period == pytest.approx(0.25, abs=1e-5)

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
-PACKAGES = "benchmarks|calibration|examples|grammars|kinematics|machines|postproc|tests"
+PACKAGES = "benchmarks|calibration|examples|grammars|history|kinematics|machines|postproc|tests"
 NAMES = {path.name for folder in PACKAGES.split("|") for path in (ROOT / folder).rglob("*.py")}
 
 

@@ -114,3 +114,13 @@ def test_the_notebook_is_of_the_format_of_jupyter() -> None:
         needed = {"cell_type", "id", "metadata", "source"}
         assert set(cell) == needed | ({"execution_count", "outputs"} if cell["cell_type"] == "code" else set())
     assert len({cell["id"] for cell in notebook["cells"]}) == len(notebook["cells"])
+
+
+def test_the_page_of_the_router_shows_what_its_commands_give(tmp_path: Path) -> None:
+    """Outputs, the lines of the corrected program, and the pictures."""
+    router = script(MAKE / "router.py")
+    page = router.PAGE.read_text()
+    assert router.renewed(page, tmp_path) == page, "python docs/make/router.py renews the page"
+    assert router.block(page, "X298.4099").rstrip() in (tmp_path / "sign_c.nc").read_text()
+    for name, drawing in router.pictures(tmp_path).items():
+        assert (router.PICTURES / name).read_text() == drawing, "python docs/make/router.py renews the pictures"

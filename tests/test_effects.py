@@ -17,7 +17,7 @@ from kinematics.basis import Polynomial
 from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis, Effect, ErrorMotion, LocationError
 from kinematics.effects.base import Remedy
 from kinematics.effects.combined.thermal import DistortionWithTime, GrowthWithTime, ThermalDrift
-from kinematics.effects.control import ControlTable
+from kinematics.effects.control import ControlTable, WorkpieceSurface
 from kinematics.effects.describe import describe, markdown
 from kinematics.effects.drive import Backlash, Cyclic
 from kinematics.effects.friction import LateralPlay
@@ -171,6 +171,10 @@ REFUSED = {
     "control-table X(): a function of one axis or two, with nodes of each": lambda: ControlTable("X", (), (), ()),
     "control-table X(Y): nodes must be finite and ascending, at least one":
         lambda: ControlTable("X", ("Y",), ((1.0, 1.0),), (0.0, 0.0)),
+    "surface Z(X,Y): a surface has at least two nodes along each of two axes":
+        lambda: WorkpieceSurface("Z", ("X", "Y"), ((0.0, 1.0), (0.0,)), (0.0, 0.0)),
+    "surface Z(X,Y): the nodes of a cubic surface are evenly spaced":
+        lambda: WorkpieceSurface("Z", ("X", "Y"), ((0.0, 1.0, 3.0), (0.0, 1.0)), (0.0,) * 6, interpolation="cubic"),
     "control-table X(Y): its nodes take 2 values, got 3":
         lambda: ControlTable("X", ("Y",), ((0.0, 1.0),), (0.0, 0.0, 0.0)),
     "unnamed X(): a function of at least one variable, each named once":

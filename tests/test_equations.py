@@ -7,7 +7,8 @@ import pytest
 from support.virtual_measurements import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration.instruments import Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
+from calibration.instruments import Interferometer, LaserTracker, Lengths, Level, Part, Ranging, TouchProbe
+from calibration.instruments.of_points import centred_pose
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.registration.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
 from kinematics.error_model.model import Observation
@@ -82,6 +83,21 @@ def lengths_case():
     return own, own.instrument.first_registration(own, np.ones(10, bool))
 
 
+def ranging_case(stands_on):
+    """Two stations, two targets and two runs: the dead lengths of six of their combinations."""
+    machine, rng = machines.load("dmu50"), np.random.default_rng(6)
+    n = np.arange(24)
+    names = {name: np.array([f"{name}1", f"{name}2"]) for name in ("s", "t", "r")}
+    state = with_moves(State(positions(machine, 24, rng), station=names["s"][n % 2], target=names["t"][n // 8 % 2]))
+    targets = {"t1": Target((60.0, 0.0, -100.0)), "t2": Target((0.0, -50.0, -150.0))}
+    own = Measurement(
+        machine, Ranging(u_range_um=0.2), state, np.zeros((24, 1)), targets, stands_on, run=names["r"][n // 4 % 2]
+    )
+    poses = {"s1": centred_pose((900.0, 200.0, 300.0)), "s2": centred_pose((-700.0, 500.0, -100.0))}
+    zeros = {name: 0.01 * k for k, name in enumerate(np.unique(own.instrument.zero_names(own)).tolist())}
+    return own, Registration(poses, dict.fromkeys(poses, np.zeros(3)), SHIFTS, zeros)
+
+
 CENTRES = {"s1": (130.0, 20.0, 60.0), "s2": (-110.0, 60.0, 50.0)}
 CASES = {
     **{f"{name} {on}": (lambda n=name, o=on: tracker_case(n, o)) for name in ("dmu50", "cframe") for on in ("workpiece", "bed")},
@@ -90,6 +106,8 @@ CASES = {
     "interferometer": laser_case,
     "level": level_case,
     "lengths": lengths_case,
+    "ranging workpiece": lambda: ranging_case("workpiece"),
+    "ranging bed": lambda: ranging_case("bed"),
     "touch probe": probe_case,
 }  # fmt: skip
 

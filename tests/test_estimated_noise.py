@@ -41,14 +41,11 @@ def test_an_axis_that_does_not_repeat_is_found_by_name_and_size(rows_of_a_stop):
     assert "X repeats to" in found.text
 
 
-@pytest.mark.parametrize(("size", "share"), [(0.003, 0.03), (0.025, 0.98)])
-def test_without_visits_larger_shifts_of_stops_are_likelier_to_recur(size, share):
-    again = replace(with_estimated_noise(fitted(with_stops(3, {0: 0.025}))).noise, non_repeatability={"X": size})
-    found = replace(again, revisited=False)
-    assert found.undecided
-    assert "unless the model lacks errors of this size that recur with the position" in found.text
-    assert (found.recurring["X"] / size) ** 2 == pytest.approx(share, abs=0.015)
-    assert (again.undecided, again.recurring, "unless" in again.text) == (False, {}, False)
+def test_without_visits_the_report_tells_that_shifts_of_stops_may_recur():
+    again = with_estimated_noise(fitted(with_stops(3, {0: 0.025}))).noise
+    unless = "unless the model lacks errors of this size that recur with the position"
+    assert unless in replace(again, revisited=False).text
+    assert unless not in again.text
 
 
 def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
@@ -137,14 +134,3 @@ def test_a_part_measured_in_two_coordinates_has_the_noise_of_its_measuring_machi
     assert noise is not None
     assert noise.instrument_factor**0.5 == pytest.approx(2.0, rel=0.15)
     assert not noise.non_repeatability
-
-
-@pytest.mark.parametrize("other", [{}, {0: 0.003}, {1: 0.05}, {0: 0.05, 1: 0.05, 2: 0.05}])
-def test_an_estimate_that_begins_at_that_of_another_fit_is_the_same(other):
-    """Also at one with other axes: those come back, or fall."""
-    found = fitted(with_stops(3, {0: 0.05, 1: 0.03}))
-    alone, near = noise.WithNoise.of(found), noise.WithNoise.of(fitted(with_stops(3, other)))
-    beside = noise.WithNoise.of(found, near)
-    assert (near.variances is None) == (max(other.values(), default=0.0) < 0.01)
-    assert beside.whole.noise.instrument_factor == alone.whole.noise.instrument_factor
-    assert beside.whole.noise.non_repeatability == pytest.approx(alone.whole.noise.non_repeatability, rel=0.01)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, with_stops
+from support.evidence.strd import measurement_of, thermometer_readings
 
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
@@ -77,3 +78,17 @@ def test_an_axis_that_does_not_repeat_is_no_fine_error_motion():
     assert found.fit.measurement.noise is not None
     assert set(found.fit.measurement.noise.non_repeatability) == set("XYZ")
     assert max(basis.size for basis in found.choice.bases.values()) <= 8
+
+
+def test_an_estimated_noise_gives_the_uncertainties_of_a_straight_line_by_hand():
+    """GUM, H.3: residual standard deviation 3.5 mdegC, slope 2.18 with 0.67 mdegC per degC."""
+    temperature, correction = map(np.array, thermometer_readings())
+    measured = measurement_of({"target_mm": temperature.tolist(), "deviation_um": correction.tolist()}, 1.0)
+    found = calibrate(measured, basis="legendre:1", variance="estimate", prior_scale=1e3, hold_out=False, force=True)
+    line = np.polyfit(temperature, correction, 1)
+    s = np.sqrt(np.sum((correction - np.polyval(line, temperature)) ** 2) / 9)
+    u = s / np.sqrt(np.sum((temperature - temperature.mean()) ** 2))
+    half = np.ptp(temperature) / 2.0
+    motion = found.model.effects[0]
+    assert np.array([motion.parameters[1], motion.u[1]]) / half == pytest.approx([line[0], u], rel=1e-6)
+    assert (round(s, 1), round(line[0], 2), round(u, 2)) == (3.5, 2.18, 0.67)

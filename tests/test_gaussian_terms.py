@@ -75,7 +75,7 @@ def test_a_gain_is_the_rise_of_the_evidence():
     one = structure_of(data_with(Backlash("X", 8.0), n=40))
     columns = with_backlash(one).terms[0].columns
     white = one.whitener.columns(columns)
-    through = white.T @ one.equations.design
+    through = one.through(white).T
     block = white.T @ white - through @ one.posterior.covariance @ through.T / one.noise.factor
     along = white.T @ one.equations.residual - through @ one.posterior.mean
     for size in (0.1, 1.0, 10.0):

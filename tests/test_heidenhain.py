@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from support.klartext_run import Run, blocks_of, numbered_lines
 from support.thesis_kinematics import thesis_forward
@@ -236,6 +236,8 @@ def agree(text):
 
 
 @given(st.lists(st.sampled_from(PIECES), max_size=12))
+@example([";a", "\n", "X"])
+@example([";a", "\n", "L"])
 def test_quick_way_equals_the_grammar_on_generated_blocks(pieces):
     agree("".join(pieces))
     agree("5 L" + " ".join(pieces))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -256,6 +257,24 @@ def test_a_post_that_writes_the_name_of_the_output_is_refused(tmp_path: Path) ->
         [str(tmp_path / "after_post.sh"), str(tmp_path / "part.nc")], capture_output=True, check=False
     )
     assert (done.returncode, (tmp_path / "part.nc").read_text()) == (2, POSTED)
+
+
+def test_a_posted_set_is_corrected_in_files_of_the_output_s_suffix(hooked: Run, tmp_path: Path) -> None:
+    """The CAM posts a subprogram with the suffix of its main program; an earlier correction is no second file of it."""
+    called = "O1000\nG1 X60. F500\nM99\n"
+    for x in ("60.", "61."):
+        (tmp_path / "O1000.posted").write_text(called.replace("60.", x))
+        done = hooked(tmp_path, NCOMP, SETUP, POSTED.replace("G1 X60. F500", "M98 P1000"))
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "M98 P1000" in (tmp_path / "part.nc").read_text()
+        ends = re.findall(r"^G1 X(\S+)", (tmp_path / "O1000.nc").read_text(), re.M)
+        assert float(ends[-1]) == pytest.approx(float(x), abs=0.01)
+    verified = succeed("verify", tmp_path / "part.posted", tmp_path / "part.nc", *SETUP.split(), "--json", "-")
+    assert json.loads(verified.out)["block_ends_um"]["after"]["max"] < 0.3
+    (tmp_path / "O1000.posted").write_text("O1000\nG31 X60.\nM99\n")
+    done = hooked(tmp_path, NCOMP, SETUP, POSTED.replace("G1 X60. F500", "M98 P1000"))
+    assert (done.returncode != 0, (tmp_path / "part.nc").exists()) == (True, False)
+    assert "O1000.posted:2" in done.stdout + done.stderr
 
 
 def test_a_long_program_that_is_killed_leaves_nothing(tmp_path: Path) -> None:

@@ -17,7 +17,9 @@ from calibration.instruments import Interferometer
 from calibration.measurement.file import read_measurement
 from calibration.measurement.measurement import Measurement, with_moves
 from calibration.registration.registration import Registration
-from calibration.single_axis.iso230 import BACKWARD, FORWARD, AxisTest, evaluate
+from calibration.single_axis.cells import BACKWARD, FORWARD
+from calibration.single_axis.iso230 import AxisTest, evaluate
+from calibration.single_axis.other_standards import with_others
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion
 from kinematics.error_model.model import ErrorModel, Observation, no_errors
@@ -98,6 +100,38 @@ def by_the_standard(readings) -> dict[str, float]:
 
 
 # ---- the values
+
+
+def test_older_standards_by_hand():
+    """As below: two targets, means 1 and 12 forward, -1 and 10 backward, s of 2 ** 0.5 times 1 and 2, 0 and 2."""
+    (test,) = evaluate(
+        measured({0.0: ([0.0, 2.0], [-1.0, -1.0]), 100.0: ([10.0, 14.0], [8.0, 12.0])}, u=1.0, u_per_m=20.0)
+    )
+    root2, scale = math.sqrt(2.0), 20.0 * 0.1
+    of_1988, vdi = (
+        {value.symbol: (value.value, value.U) for value in values} for values in with_others(test).others.values()
+    )
+    assert {symbol: value for symbol, (value, _) in of_1988.items()} == pytest.approx(
+        {
+            "B": 2.0, "R forward": 12 * root2, "R backward": 12 * root2, "R": 12 * root2 + 2.0,
+            "A forward": 11 + 9 * root2, "A backward": 11 + 6 * root2, "A": 11 + 9 * root2,
+        }
+    )  # fmt: skip
+    assert {symbol: value for symbol, (value, _) in vdi.items()} == pytest.approx(
+        {
+            "U max": 2.0, "U mean": 2.0, "Ps max": 12 * root2, "Ps mean": 7.5 * root2, "Pa": 11.0,
+            "P": (11 + 1 + 6 * root2) - (0 - 1 - 1.5 * root2),
+        }
+    )  # fmt: skip
+    assert of_1988["A"][1] == pytest.approx(2 * math.hypot(math.sqrt(1 + 9 + 9), scale))
+    assert vdi["P"][1] == pytest.approx(2 * math.hypot(math.sqrt(1 + 4 * 1.5**2), scale))
+    assert vdi["U mean"][1] == pytest.approx(2 * math.sqrt(4 * 0.25 / 2)), "the scale cancels"
+
+
+def test_older_standards_need_both_directions_and_repeated_runs():
+    (one_way,) = evaluate(measured({0.0: ([0.0, 2.0], []), 100.0: ([10.0, 14.0], [])}))
+    assert [value.symbol for value in with_others(one_way).others["ISO 230-2:1988"]] == ["R forward", "A forward"]
+    assert with_others(one_way).others["VDI/DGQ 3441:1977"] == ()
 
 
 def test_values_of_the_standard():

@@ -251,6 +251,29 @@ def test_an_argument_that_a_call_leaves_out_is_empty_on_fanuc(call, x):
     assert motions.machine_target[-1, 0] == x
 
 
+VACANT = {
+    # by the tables of FANUC's and Mitsubishi's manuals: 0 in arithmetic, an empty variable when it is only assigned
+    "#100=#0\n#150=#100+1": 1, "#150=#0+#0": 0, "#150=#0*10": 0, "#150=10/[1+#0]": 10, "#150=COS[#0]": 1,
+    "#100=#0\n#101=#100\n#150=0\nIF[#101EQ#0]THEN#150=1": 1, "#101=#0*1\n#150=0\nIF[#101EQ#0]THEN#150=1": 0,
+    "#150=0\nIF[#0EQ0]THEN#150=1": 0, "#150=0\nIF[#0NE0]THEN#150=1": 1, "#150=0\nIF[#0NE#0]THEN#150=1": 0,
+    "#150=0\nIF[#0GE#0]THEN#150=1": 1, "#150=0\nIF[#0GT0]THEN#150=1": 0, "#150=0\nIF[#0LE0]THEN#150=1": 1,
+    "#150=0\nIF[#0LT0]THEN#150=1": 0, "#150=0\nIF[#0LT3]THEN#150=1": 1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lines", VACANT)
+def test_an_empty_variable_counts_as_0_in_arithmetic_on_fanuc(lines):
+    motions = read(f"{HEAD}{lines}\nG1 X[1200+#150]\nM30\n", with_family("gantry", "fanuc"))
+    assert motions.machine_target[-1, 0] == 1200 + VACANT[lines]
+
+
+@pytest.mark.parametrize("line", ["X#100", "X-#100", "X+#100", "M98 P#100", "IF[-#100EQ#0]GOTO10"])
+def test_a_word_of_an_empty_variable_is_no_0(line):
+    """FANUC leaves the word out: it goes nowhere."""
+    with pytest.raises(UserError, match=r":5: .*( it|the variable) is empty.*: give it a value before this block"):
+        read(f"{HEAD}#100=#0\n{line}\nM30\n", with_family("gantry", "fanuc"))
+
+
 def test_increments_between_holes_keep_their_depth_on_fanuc():
     """The bottom stays at its programmed position under G90 and G91; inserted words count as the block does."""
     text = "G21 G90 G54 G17 G98\nG0 X10. Y5. Z100.\nG81 Z-20. R2. F100\nG91 X10. Y5.\nX10.\nG90 X50.\nG80\nG0 Z90.\n"

@@ -89,21 +89,21 @@ def test_patterns_of_programs(ncomp):
         Path(name).write_text(PROGRAM)
     head = 'machine = "gantry"\ncalibration = "none"\nset_up_zero = true\ndialect = "iso"\n[programs]\n'
     Path("job.toml").write_text(f'{head}"posted/*.MPF" = "corrected"\n')
-    done = ncomp("job.toml")
+    done = ncomp("job.toml", "--jobs", "1")
     assert done.status == 0, done.shown
     assert sorted(path.name for path in Path("corrected").rglob("*")) == ["a.MPF", "b.MPF"]
     Path("job.toml").write_text(f'{head}"posted/**/*.MPF" = "posted/all"\n')
     for _ in range(2):  # the outputs of the first run lie in the folder of the pattern
-        assert ncomp("job.toml").status == 0
+        assert ncomp("job.toml", "--jobs", "1").status == 0
         assert sorted(map(str, Path("posted/all").rglob("*.MPF"))) == [
             "posted/all/a.MPF", "posted/all/b.MPF", "posted/all/deep/c.MPF"
         ]  # fmt: skip
     Path("job.toml").write_text(f'{head}"posted/*.H" = "corrected"\n')
-    done = ncomp("job.toml")
+    done = ncomp("job.toml", "--jobs", "1")
     assert done.status == 2
     assert 'job.toml:6: programs."posted/*.H": no file has a name of this pattern' in done.err
     Path("job.toml").write_text(f'{head}"posted/*.MPF" = "posted"\n')
-    assert "no file has a name of this pattern outside the output folder" in ncomp("job.toml").err
+    assert "no file has a name of this pattern outside the output folder" in ncomp("job.toml", "--jobs", "1").err
 
 
 def test_programs_and_folders(ncomp):

@@ -11,7 +11,7 @@ from support.klartext_programs import HEAD, OFFSET, SHIFT, TAIL, correct, read
 from support.programs import load, model_of, random_model, shifted
 from support.tiers import drawn
 
-from kinematics.effects import Backlash
+from kinematics.effects import Backlash, LocationError
 from kinematics.user_error import UserError
 from postproc.compensation.correction import pose_errors
 from postproc.motion.moves import Kind
@@ -237,9 +237,60 @@ def test_a_pattern_goes_as_a_whole(pattern, words):
     np.testing.assert_allclose(moved[:, :2], np.broadcast_to(SHIFT[:2], moved[:, :2].shape), atol=1e-9)
 
 
-def test_a_pattern_whose_holes_want_different_corrections():
-    with pytest.raises(UserError, match=r"the holes of this pattern need corrections that differ by \d+\.\d um"):
-        correct(HEAD + DRILL + LINES + TAIL, model=MODEL, tolerance_um=1.0)
+LEANING = model_of(GANTRY, LocationError("C", "Y", 100.0))
+"""Y leans by 100 urad towards -X: the word of X is 0.1 um more per mm of Y."""
+ONE = (
+    "CYCL DEF 221 {} ~", "Q225={} ~", "Q226={} ~", "Q237=+0 ~", "Q238=+0 ~", "Q242=+1 ~", "Q243=+1 ~", "Q224=+0 ~",
+    "Q200=+2 ~", "Q203=+5 ~", "Q204=+50 ~", "Q301=+1",
+)  # fmt: skip
+
+
+def holes(name, *places):
+    """The lines of patterns with one hole each."""
+    return [line.format(value) for x, y in places for line, value in zip(ONE, (name, x, y, *[""] * 9), strict=True)]
+
+
+def test_lines_of_holes_that_want_different_corrections():
+    text = HEAD + DRILL + LINES + TAIL
+    written = correct(text, model=LEANING, tolerance_um=1.0)
+    lines = [line.strip() for line in body(written)]
+    first = lines.index("CYCL DEF 221 PATTERN ~")
+    assert lines[first : first + 12] == [
+        "CYCL DEF 221 PATTERN ~", "Q225=+10.0020 ~", "Q226=+20 ~", "Q237=+30 ~", "Q238=+40 ~", "Q242=+1 ~", "Q243=+1 ~",
+        "Q224=+90 ~", "Q200=+2 ~", "Q203=+5 ~", "Q204=+50 ~", "Q301=+1",
+    ]  # fmt: skip
+    assert lines[first + 12 : first + 12 + 60] == holes(
+        "PATTERN", ("+10.0050", "+50.0000"), ("+10.0080", "+80.0000"), ("-29.9920", "+80.0000"),
+        ("-29.9950", "+50.0000"), ("-29.9980", "+20.0000"),
+    )  # fmt: skip
+    assert verify(read(text), read(written), LEANING).after.largest < 0.2
+
+
+def test_a_circle_of_holes_that_want_different_corrections():
+    text = HEAD + DRILL + CIRCLE + TAIL
+    written = correct(text, model=LEANING, tolerance_um=1.0)
+    lines = [line.strip() for line in body(written)]
+    first = lines.index("CYCL DEF 220 PATTERN ~")
+    # holes at (70, 60), (50, 80), (30, 60), (50, 40); the first keeps its circle, whose centre moves with it
+    assert lines[first : first + 8] == [
+        "CYCL DEF 220 PATTERN ~", "Q216=+50.0060 ~", "Q217=+60 ~", "Q244=+40.0000 ~", "Q245=+0.0000 ~", "Q246=+360 ~",
+        "Q247=+0 ~", "Q241=+1 ~",
+    ]  # fmt: skip
+    assert lines[first + 12 : first + 12 + 36] == holes(
+        "CARTESIAN PATTERN", ("+50.0080", "+80.0000"), ("+30.0060", "+60.0000"), ("+50.0040", "+40.0000")
+    )
+    assert verify(read(text), read(written), LEANING).after.largest < 0.2
+
+
+def test_a_pattern_by_formulas():
+    lines = DRILL + LINES.replace("Q225=+10", "Q225=+Q80").replace("Q242=+3", "Q242=+Q81").replace(
+        "Q203=+5", "Q203=+Q82"
+    )
+    text = HEAD + "Q80 = 10\nQ81 = 3\nQ82 = 5\n" + lines + TAIL
+    written = correct(text, model=LEANING, tolerance_um=1.0)
+    assert verify(read(text), read(written), LEANING).after.largest < 0.2
+    assert written.count("Q203=+Q82") == 6
+    assert written.count("Q242=+1") == 6
 
 
 def test_a_called_position_is_corrected():

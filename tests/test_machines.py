@@ -217,7 +217,7 @@ BAD = {
     "unknown kind of machine": (
         "[tools]",
         '[priors]\nkind = "lathe"\n[tools]',
-        "priors.kind 'lathe' is not known: write one of machining-centre, gantry, arm, printer, mount, stage",
+        "priors.kind 'lathe' is not known: write one of machining-centre, gantry, arm, printer, router, mount, stage",
     ),
     "several kinds of machine": (
         "[tools]",

@@ -60,18 +60,19 @@ def test_an_empty_answer_ends_and_what_was_given_is_written(command, folder):
 
 def test_answers_that_cannot_be_used_are_asked_again(command, folder):
     status, questions, printed = asked(
-        command, folder, ["85l", "-5", "90", "851", "846.5", "-", "601", "drop XX", "drop AC"]
+        command, folder, ["85l", "850,5", "-5", "90", "851", "846.5", "-", "601", "drop XX", "drop AC"]
     )
     assert status == 0
-    assert questions[:4] == ["From A to C"] * 4
+    assert questions[:5] == ["From A to C"] * 5
     assert "'85l' is not a number" in printed
+    assert "'850,5' is not a number; write the decimal point as '.'" in printed
     assert "column length_mm: -5 is not above 0" in printed
     assert "AC: 90 mm between positions 848.53 mm apart" in printed
     assert "XX: there is AC, BD" in printed
     rows = [line.partition(",")[0] for line in (folder / "lengths.csv").read_text().splitlines()]
     assert "AC" not in rows
     assert "BD" in rows
-    skipped = questions[5].removeprefix("From ").replace(" to ", "")
+    skipped = questions[6].removeprefix("From ").replace(" to ", "")
     assert skipped not in rows
     assert questions[-1] == "From A to C"
 

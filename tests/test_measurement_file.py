@@ -218,7 +218,7 @@ def replaced(text: str, *changes: tuple[str, str]) -> str:
 
 BROKEN = [
     (TRACKER, [("machine: gantry", "machine: dmu50")], "m.csv:1 machine: the file is of 'dmu50', not of gantry"),
-    (TRACKER, [("# instrument: laser-tracker\n", "")], "'# instrument: laser-tracker | interferometer | part | touch-probe | ballbar | level | lengths' is missing"),
+    (TRACKER, [("# instrument: laser-tracker\n", "")], "'# instrument: laser-tracker | interferometer | part | touch-probe | ballbar | level | lengths | ranging' is missing"),
     (TRACKER, [("laser-tracker", "lasertracker")], "m.csv:2 instrument: 'lasertracker' is none of laser-tracker, interferometer, part"),
     (TRACKER, [("# u_range_um_per_m: 0.25\n", "")], "uncertainty (k=1) of the laser-tracker is missing: state u_range_um or u_range_um_per_m above zero (header line '# u_range_um: ...')"),
     (TRACKER, [("0.25", "0")], "state u_range_um or u_range_um_per_m"),

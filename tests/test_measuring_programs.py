@@ -121,7 +121,7 @@ def test_linuxcnc_runs_its_program(ncomp, linuxcnc):
 
 def test_a_path_of_a_siemens_control(ncomp):
     made = ncomp(
-        *("plan", "path", "--machine", "cframe", "--target", "t=0,0,-120", "--length-m", "4", "--feed", "2500"),
+        *("plan", "path", "--machine", "cframe", "--target", "t=0,0,-120", "--length-m", "2", "--feed", "2500"),
         *("-o", "path.csv", "--nc", "path.mpf", "--dialect", "siemens"),
     )
     assert made.status == 0, made.err

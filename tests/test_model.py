@@ -45,6 +45,7 @@ TOOL = np.array([5.0, -10.0, -120.0])
 
 SMALL = msgspec.structs.replace(
     no_errors(DMU50),
+    provenance=msgspec.structs.replace(no_errors(DMU50).provenance, made_by="ncomp 1.0"),
     effects=(
         ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), u=(1.0, 0.5, 2.0)),
         ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), u=(3.0, 2.0, 1.0)),

@@ -16,7 +16,7 @@ from calibration.instruments import Interferometer, LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices, Timing
 from calibration.observation.reach import Reach
-from calibration.optimal.candidates import Obstacle, positions_around
+from calibration.optimal.candidates import Obstacle, places_around
 from calibration.optimal.exchange import Selection, exchanged, filled
 from calibration.optimal.optimise import VISIBLE, Request, optimised
 from calibration.simulation.effect_text import read_effects
@@ -134,12 +134,12 @@ def test_no_target_in_an_obstacle_no_beam_through_it():
 def test_limits_of_the_tracker_and_the_travel_are_kept():
     reach = Reach((-5.0, 20.0), 40.0)
     found = optimised(GANTRY, TRACKER, request(points=20, candidates=100, reach=reach, trackers=[]))
-    points = tool_point(GANTRY, found.plan.positions) - found.tracker
+    points = tool_point(GANTRY, found.plan.positions) - found.plan.stations["s1"]
     elevation = np.degrees(np.arcsin(points[:, 2] / np.linalg.norm(points, axis=1)))
     assert np.all((elevation > -5.0) & (elevation < 20.0))
     low, high = GANTRY.travel
     assert np.all((found.plan.positions >= low) & (found.plan.positions <= high))
-    assert found.tracker in positions_around(GANTRY, Choices(), Target((0.0, 0.0, 0.0)))
+    assert found.plan.stations["s1"] in places_around(GANTRY, Choices())
 
 
 @pytest.mark.statistical
@@ -223,7 +223,7 @@ def test_command_writes_plan_and_program(command):
     )  # fmt: skip
     assert done.status == 0, done.err
     assert "expected" in done.err
-    assert "tracker      -1500,1500,300" in done.err
+    assert "station s1" in done.err
     lines = [line for line in Path("plan.csv").read_text().splitlines() if not line.startswith("#")]
     assert len(list(csv.DictReader(lines))) == 30
     assert Path("plan.nc").read_text().count("G53 G1") >= 30

@@ -284,6 +284,122 @@ def test_plain_lines_in_bulk_give_the_same_program(text, seed, piece):
     )
 
 
+TABLE = dataclasses.replace(
+    DMU50,
+    axes=tuple(dataclasses.replace(axis, rollover="as-written" if axis.rotary else "") for axis in DMU50.axes),
+    control=dataclasses.replace(DMU50.control, family="fanuc"),
+)
+CONVERTED = {
+    "iso": ("G21 G90 G17 G54 G94\nT1 M6\nG0 X1. Y1. Z200. B0. C0.\n{tcp} H1 X1. Y1. Z200. B0. C0.\nG1 X2. F200\n", ("G43", "G43.4"), "G49\nM30\n"),
+    "siemens": ("G17 G90 G71 G94 G54\nG0 X1 Y1 Z200 B0 C0\n{tcp}G0 X1 Y1 Z200 B0 C0\nG1 X2 F200\n", ("", "TRAORI\n"), "M30\n"),
+    "heidenhain": ("BEGIN PGM A MM\nL X+1 Y+1 Z+200 B+0 C+0 R0 FMAX\n{tcp}L X+1 Y+1 Z+200 B+0 C+0 FMAX\nL X+2 F200\n", ("", "M128\n"), "END PGM A MM\n"),
+}  # fmt: skip
+"""Head without and with TCP, and end, of programs that are converted."""
+BETWEEN = {
+    "iso": ["(comment)", "M8", "G4 P1", "G1 X3. F99.", "S100", "G0 C5."],
+    "siemens": ["; comment", "M8", "G4 F1", "G1 X3 F99", "G0 C5"],
+    "heidenhain": ["; comment", "M8", "L X+3 F99", "L C+5 FMAX"],
+}
+
+
+@st.composite
+def converted_programs(draw):
+    """A program of the tool point or of the axes, its dialect, and the direction of its conversion."""
+    dialect, to_axes = draw(st.sampled_from([*CONVERTED])), draw(st.booleans())
+    head, switches, end = CONVERTED[dialect]
+    runs = (klartext_lines if dialect == "heidenhain" else plain_lines)("XYZC")
+    lines = [
+        line for _ in range(draw(st.integers(1, 3))) for line in [*draw(runs), draw(st.sampled_from(BETWEEN[dialect]))]
+    ]
+    return (
+        head.format(tcp=switches[to_axes]) + "\n".join(lines) + f"\n{end}",
+        dialect,
+        "to-axes" if to_axes else "to-tcp",
+    )
+
+
+@drawn(4, 60, 500, program=converted_programs(), how=st.sampled_from(["", "", "scaled"]), piece=st.sampled_from(PIECES))
+def test_conversions_in_bulk_give_the_same_program(program, how, piece):
+    text, dialect, to = program
+    options = {"dialect": dialect, "tcp": to, "tcp_feed": how, "tolerance_um": 1e5}
+    single = outcome(text, TABLE, model_of(TABLE), plain=False, **options)
+    assert outcome(text, TABLE, model_of(TABLE), piece=piece, **options) == single
+
+
+@pytest.mark.parametrize("dialect", CONVERTED)
+@pytest.mark.parametrize("to", ["to-axes", "to-tcp"])
+def test_the_lines_of_a_conversion_are_written_together(monkeypatch, dialect, to):
+    head, switches, end = CONVERTED[dialect]
+    line = "L X{:+.3f} C{:+.3f}" if dialect == "heidenhain" else "X{:.3f} C{:.3f}"
+    moves = "\n".join(line.format(2.0 + 0.01 * i, 0.01 * i) for i in range(40))
+    text, written, one_row = head.format(tcp=switches[to == "to-axes"]) + moves + f"\n{end}", [], Writer._write_row
+    monkeypatch.setattr(Writer, "_write_row", lambda self, *row: (written.append(row), one_row(self, *row))[1])
+    options = {"dialect": dialect, "tcp": to, "tolerance_um": 10.0}
+    together = outcome(text, TABLE, model_of(TABLE), **options)
+    assert len(written) < 8
+    assert together == outcome(text, TABLE, model_of(TABLE), plain=False, **options)
+    assert b"NCOMP FROM" not in b"".join(together[0])
+    assert len([each for each in together[0] if b"F" in each]) > 35  # each has its own time
+
+
+STORED = {
+    "iso": (
+        "G21 G90 G17 G54 G94\nG0 X1. Y1. Z200. B0. C0.\nG1 X2. F200\n#1=0\n",
+        ["N77 M8", "M98 P1000", "M98 P2000"],
+        ["#1=#1+1\nIF[#1LT3]GOTO77", "M98 P1000 L2", "M98 P1000", "G65 P2000 A1."],
+        "M30\nO1000\n{0}\nM99\nO2000\n{1}\nM98 P1000\n{2}\nM99\n",
+    ),
+    "siemens": (
+        "G17 G90 G71 G94 G54\nG0 X1 Y1 Z200 B0 C0\nG1 X2 F200\nR1=0\n",
+        ["MARK1:", "MARK1: M8"],
+        ["REPEATB MARK1 P=2", "REPEAT MARK1 P=2", "FOR R2=1 TO 2\nX5\nENDFOR", "R1=R1+1\nIF R1<3 GOTOB MARK1"],
+        "{0}\nM30\n",
+    ),
+    "heidenhain": (
+        "BEGIN PGM A MM\nL X+1 Y+1 Z+200 B+0 C+0 R0 FMAX\nL X+2 F200\n",
+        ["LBL 11"],
+        ["CALL LBL 1", "CALL LBL 2", "CALL LBL 11 REP2"],
+        "L Z+100 FMAX M2\nLBL 1\n{0}\nLBL 0\nLBL 2\n{1}\nCALL LBL 1\n{2}\nLBL 0\nEND PGM A MM\n",
+    ),
+}
+"""Head, blocks between plain lines, and end with subprograms, of programs with jumps and calls."""
+
+
+@st.composite
+def stored_programs(draw):
+    """A program with jumps, loops and calls, and its dialect."""
+    dialect = draw(st.sampled_from([*STORED]))
+    head, *between, end = STORED[dialect]
+    lines = (klartext_lines if dialect == "heidenhain" else plain_lines)("XYZC", most=6)
+    runs = ["\n".join(draw(lines)) for _ in range(6)]
+    blocks = [draw(st.sampled_from(choices)) for choices in between]
+    middle = "\n".join((runs[3], blocks[0], runs[4], blocks[1], runs[5]))
+    return f"{head}{middle}\n{end.format(*runs)}", dialect
+
+
+@drawn(6, 60, 500, program=stored_programs(), seed=st.integers(0, 1), tolerance=st.sampled_from([1.0, 1e3]))
+def test_programs_with_calls_in_bulk_give_the_same_program(program, seed, tolerance):
+    text, dialect = program
+    options = {"dialect": dialect, "tolerance_um": tolerance}
+    single = outcome(text, TABLE, model_of_errors(seed), plain=False, **options)
+    assert outcome(text, TABLE, model_of_errors(seed), **options) == single
+
+
+def test_the_lines_of_a_subprogram_are_written_together(monkeypatch):
+    """Those that run once; of those that run again, only the first and the second run are written by themselves."""
+    lines = "\n".join(f"X{2.0 + 0.01 * i:.3f} Y{i / 7:.3f}" for i in range(40))
+    head = "G21 G90 G17 G54 G94\nG0 X1. Y1. Z200. B0. C0.\nG1 X2. F200\n"
+    written, one_row = [], Writer._write_row
+    monkeypatch.setattr(Writer, "_write_row", lambda self, *row: (written.append(row), one_row(self, *row))[1])
+    for calls, most in ((1, 4), (50, 2 * 41 + 4)):
+        written.clear()
+        call = "M98 P1000\n" * calls
+        text = f"{head}{call}M30\nO1000\nG1 X0. Y0.\n{lines}\nM99\n"
+        together = outcome(text, TABLE, model_of_errors(1), tolerance_um=1e3)
+        assert len(written) <= most
+        assert together == outcome(text, TABLE, model_of_errors(1), plain=False, tolerance_um=1e3)
+
+
 def test_arcs_between_lines_are_written_with_them(monkeypatch):
     arcs = "G1 X10. Y0. F100\nG3 X0. Y10. I-10. J0.\nX-10. Y0. I0. J-10.\nG2 X0. Y10. R10.\nX10. Y0. Z199. R10.\n"
     written = []

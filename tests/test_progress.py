@@ -98,7 +98,7 @@ def test_the_steps_of_an_optimised_plan():
     optimised(load("gantry"), TRACKER, Request(choices, 12, candidates=60), shown)
     shown.check()
     assert shown.shares("choosing positions") == pytest.approx([k / 12 for k in range(12)])
-    assert len(shown.shares("of the tracker")) > 1
+    assert any("places of the instrument" in step for step, _ in shown.steps)
 
 
 @pytest.mark.statistical

@@ -187,3 +187,29 @@ def test_a_measurement_that_mentions_one_is_read(write):
     measured, _ = circles_of(step=6.0, seed=1)
     text = "# Renishaw Ballbar, exported\n" + by_angle(measured)
     assert len(read_any(write(text), CFRAME)) == len(measured)
+
+
+def test_columns_of_another_program_by_a_map(write):
+    """Semicolons, decimal commas, deviations in mm, and no column of runs: one circle."""
+    measured, _ = circles_of(Backlash("X", 8.0), step=3.0, planes=("XY",), seed=4)
+    text = by_angle(measured)
+    plain = [line.split(",") for line in text.splitlines() if not line.startswith("#")][1:]
+    first = [cells for cells in plain if cells[2] == plain[0][2]]
+    rows = "".join(f"{angle};{float(um) / 1e3:.7f}\n".replace(".", ",") for angle, um, *_ in first)
+    columns = write(
+        'delimiter = ";"\ndecimal = ","\n[columns]\nangle_deg = "Winkel"\ndeviation_um = "Abw."\n[units]\nerrors = "mm"\n'
+        '[header]\nmachine = "cframe"\nu_um = 0.3\nlength_mm = 150\ncentre = "300 225 150"\ntarget.t1 = "0 0 -120"\n'
+        f'plane = "XY"\nfeed = {first[0][3]}\n',
+        "map.toml",
+    )
+    read = read_any(write("Winkel;Abw.\n" + rows, "export.txt"), CFRAME, columns=str(columns))
+    assert read.observed[:, 0] == pytest.approx(measured.observed[: len(first), 0], abs=1e-6)
+    assert len(np.unique(read.run)) == 1
+
+
+def test_semicolons_and_decimal_commas(write):
+    """As a German spreadsheet saves them, in the header too."""
+    measured, _ = circles_of(Backlash("X", 8.0), step=3.0, planes=("XY",), seed=4)
+    text = by_angle(measured)
+    german = text.replace(",", ";").replace(".", ",").replace("target,t1", "target.t1")
+    assert read_any(write(german), CFRAME).observed == pytest.approx(read_any(write(text), CFRAME).observed)

@@ -50,6 +50,7 @@ CASES = {
     "continuous": ("continuous", (RUNS,), JOIN),
     "continuous into a calibration": ("continuous", (RUNS,), f"{JOIN} --add-to real.json"),
     "three-points": ("three_points", (), "three-points rounds.csv --machine dmu50 --degree XX=2 -o cal.json"),
+    "drift": ("drift", (), "drift touches.csv --machine dmu50 -c none -o cal.json"),
     "export": ("export", (), f"{TABLES} --rest cal.json"),
     "export of parameters": (
         "export",
@@ -73,6 +74,8 @@ def _prepared(tmp_path, monkeypatch):
             succeed(*shlex.split(line))
         if case == "three-points":
             rounds(tmp_path)
+        if case == "drift":
+            touches(tmp_path)
         if "made.json" in CASES[case][2]:  # a calibration from such data
             machine = "dmu50" if "dmu50" in CASES[case][2] else "cframe"
             made_of(machine, simulated, tmp_path)
@@ -98,6 +101,14 @@ def rounds(folder):
             axes="XYZ", instrument=QUIET, rng=np.random.default_rng(5),
         )  # fmt: skip
         write_measurement(seen, file, ", simulated")
+
+
+def touches(folder):
+    """Touches of one sphere by a machine whose zero of X goes 30 um in two hours."""
+    head = "# machine: dmu50", "# instrument: touch-probe", "# u_um: 0.5", "# probe: 0 0 -150", "# sphere.s1: 100 20 60"
+    rows = [f"{600 * k},{100.0 + 3e-3 * min(k, 10):.4f},20,210,0,0,s1" for k in range(14)]
+    lines = *head, "# made_by: ncomp 0.1.0, simulated", "time_s,X,Y,Z,B,C,sphere", *rows
+    (folder / "touches.csv").write_text("\n".join(lines) + "\n")
 
 
 def made_of(machine, simulated, folder):
@@ -126,9 +137,12 @@ def test_a_calibration_from_simulated_data_is_marked(prepared, case, simulated):
 
 
 def test_every_command_that_writes_a_calibration_is_tried():
-    """Those that simulate write the true errors, which are marked as a demonstration; `square` reads no data."""
+    """Those that simulate write the true errors, which are marked as a demonstration; `square` reads no data.
+
+    `watch` has the drift from the function of `drift` (`drifting`).
+    """
     writers = {path.stem for path in COMMANDS.rglob("*.py") if any(name in path.read_text() for name in WRITERS)}
-    tried = {name for name in writers if not name.startswith("simulate")} - {"square"}
+    tried = {name for name in writers if not name.startswith("simulate")} - {"square", "drifting"}
     assert tried == {module for module, _, _ in CASES.values()}
     assert {"simulate", "simulate_continuous", "simulate_on_the_fly"} < writers
 

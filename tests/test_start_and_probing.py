@@ -69,6 +69,24 @@ def test_the_start_is_in_the_coordinates_of_the_first_move():
     assert places("TRANS X50\nG91 G1 X1 F100\n", "siemens", start="X1,Y2,Z5")[-1] == [152.0, 202.0, 5.0]
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.nc", "G21 G90 G17 G54\nG2 X20. Y10. I5. J0. F300\nM2\n"),
+        ("a.mpf", "G71 G90 G17 G54\nG2 X20 Y10 CR=5 F300\nM30\n"),
+    ],
+)
+def test_an_arc_from_the_start_is_refused_with_its_cure(tmp_path, name, text):
+    """The tool stands at the start without a correction, so that no circle joins it with the corrected end."""
+    write_model(shifted(load("gantry"), X=3.0), tmp_path / "cal.json")
+    line = ("--machine", "gantry", "--set-up-zero", "--datum", "G54=true", "--calibration", tmp_path / "cal.json")
+    line = (*line, "--start", "X10,Y10,Z50", "--no-travel-check")
+    (tmp_path / name).write_text(text)
+    assert "and --start is not enough: write G0, G1 or L to it" in refusal(tmp_path / name, *line)
+    (tmp_path / name).write_text(text.replace("\nG2", "\nG0 X10 Y10\nG2"))
+    succeed(tmp_path / name, *line, "-o", tmp_path / f"out_{name}")
+
+
 def test_a_correction_belongs_to_its_start(tmp_path):
     """Verified from another start, the program is that of another set-up."""
     machine = load("gantry")

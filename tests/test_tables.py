@@ -111,8 +111,10 @@ def test_the_right_sign_leaves_what_was_predicted_and_the_wrong_one_doubles_it(c
     stage = "after_tables_and_datum_shift" if exported.datum else "after_tables"
     before, after, doubled = (missed_um(exported, m, places.q, places.approach) for m in (places.q, right, wrong))
     assert rms(before) == pytest.approx(predicted["before"]["rms"], abs=1e-3)
-    assert rms(after) == pytest.approx(predicted[stage]["rms"], abs=2e-3)
-    assert np.linalg.norm(after, axis=1).max() == pytest.approx(predicted[stage]["max"], abs=5e-3)
+    assert rms(after) == pytest.approx(predicted[stage]["rms"], abs=max(2e-3, 1e3 * case.exact))
+    assert np.linalg.norm(after, axis=1).max() == pytest.approx(
+        predicted[stage]["max"], abs=max(5e-3, 2e3 * case.exact)
+    )
     assert rms(after) <= case.leaves < 0.2 * rms(before)
     assert rms(doubled) == pytest.approx(2 * rms(before), rel=0.01)
     both = predicted["after_tables_and_nc_correction_of_the_rest"]
@@ -158,7 +160,10 @@ def test_the_probe_is_one_node(case: Case):
     """The node is in the axis' own table or its positioning error; the reader finds it with the stated size."""
     form, machine = FORMATS[case.format], load(case.machine)
     settings = parse_settings(form.settings, case.settings)
-    if form.capabilities is not None and not form.capabilities(settings).own and form.sign is not None:
+    limits = form.limits(settings)
+    if form.capabilities is not None and (
+        limits.degree is not None or (not form.capabilities(settings).own and form.sign is not None)
+    ):
         with pytest.raises(UserError, match="no table that shows the sign of X"):
             probe(machine, "X", form, settings)
         return

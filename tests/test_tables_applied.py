@@ -16,7 +16,7 @@ from support.tiers import each_once, quick
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.chain import nominal_points, tool_points
-from virtual_machine.controls import control
+from virtual_machine.controls import MARLIN_POINTS, control
 
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion
@@ -29,7 +29,11 @@ FORMATS = formats_of(TableFormat)
 
 QUICK = ("linuxcnc",)
 """The formats that the default run applies too; CI applies all."""
-SETTINGS = {"fanuc": ("--set", "largest=100", "--set", "total=6000"), "mitsubishi": ("--set", "unit_um=0.2")}
+SETTINGS = {
+    "fanuc": ("--set", "largest=100", "--set", "total=6000"),
+    "mitsubishi": ("--set", "unit_um=0.2"),
+    "grbl": ("--set", "steps=X:250,Y:320,Z:1600"),
+}
 TOOL = np.array([0.0, 0.0, -80.0])
 ENDLESS = (0.0, 360.0)
 KNOTS = 6
@@ -38,6 +42,16 @@ KNOTS = 6
 def bounds(axis):
     """Travel, or one turn of an axis that turns on, mm or degrees."""
     return ENDLESS if axis.rotary and axis.travel[1] - axis.travel[0] > 360.0 else axis.travel
+
+
+def settings(machine, format):
+    """Options of an export and of its import; Marlin's mesh is over the travel."""
+    if format != "marlin":
+        return SETTINGS.get(format, ())
+    axes = [load(machine).axes[load(machine).index(name)] for name in "XY"]
+    mesh = zip("xy", axes, MARLIN_POINTS, strict=True)
+    words = [f"{name}={axis.travel[0]:g}:{axis.travel[1]:g}:{points}" for name, axis, points in mesh]
+    return ("--set", words[0], "--set", words[1])
 
 
 def calibration(machine, path):
@@ -70,7 +84,7 @@ def exported(command, machine, format, source, name, sign="error", *more):
     """`ncomp export` of a calibration file."""
     options = () if FORMATS[format].sign else ("--sign", sign)
     done = command("export", "-m", machine, "--format", format, "-c", source, "-o", name, "--tool-mm", 80,
-                   *options, *SETTINGS.get(format, ()), *more, "--json", f"{name}.out.json")  # fmt: skip
+                   *options, *settings(machine, format), *more, "--json", f"{name}.out.json")  # fmt: skip
     assert done.status == 0, done.err
     return Written(machine, format, Path(name), json.loads(Path(f"{name}.out.json").read_text()))
 
@@ -79,7 +93,7 @@ def imported(command, written, name, sign="error"):
     """`ncomp import` of an export."""
     options = () if FORMATS[written.format].sign else ("--sign", sign)
     done = command("import", written.folder, "-m", written.machine, "--format", written.format, "-o", name,
-                   *options, *SETTINGS.get(written.format, ()))  # fmt: skip
+                   *options, *settings(written.machine, written.format))  # fmt: skip
     assert done.status == 0, done.err
     return read_model(Path(name), load(written.machine))
 

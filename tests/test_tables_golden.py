@@ -285,7 +285,7 @@ REFUSED = {
     "etalon: no block": ("etalon", {"e.txt": "VALUE = 3\n"}, "e.txt:1"),
     "etalon: another axis": ("etalon", {"e.txt": ETALON}, "has no such axis"),
     "klipper: two profiles": ("klipper", {"k.cfg": "[skew_correction a]\n[skew_correction b]\n"}, "2 profiles"),
-    "klipper: upsampled": ("klipper", {"k.cfg": "[bed_mesh a]\nmesh_x_pps = 2\nmesh_y_pps = 2\n"}, "are not read"),
+    "klipper: no ends": ("klipper", {"k.cfg": "[bed_mesh a]\nmesh_x_pps = 2\nmesh_y_pps = 2\n"}, "min_x is missing"),
     "reprap: not probed": (
         "reprap",
         {"h.csv": "RepRapFirmware height map file v2\naxis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1\n"

@@ -1,9 +1,11 @@
 """`--tcp`: programs of the tool point as positions of the axes, and back; positions and feeds are worked by hand."""
 
 import json
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.programs import model_of
 
@@ -284,16 +286,202 @@ def test_a_singular_position_is_named(ncomp):
     )
 
 
+def test_an_arc_on_a_turned_table_becomes_straight_lines(ncomp):
+    """The full circle about the centre of the table, at C30 of the part: the axes go round it from -30 degrees on."""
+    moves = "G1 Z5. C30. F1000.\nG3 X10. Y0. I-10. J0.\nX0. Y10. R10.\nG1 Z9."
+    done, written = convert(ncomp, table(moves), *("--tolerance-um", "100"))
+    assert done.status == 0, done.err
+    assert set(re.findall(r"G\d+", written.split("G43 H1")[1])) == {"G1", "G93", "G94", "G49"}
+    assert not re.search(r"[IJR]-?\d", written)
+    ends = [(float(x), float(y)) for x, y in re.findall(r"X(-?[\d.]+) Y(-?[\d.]+)", written.split("G93 G1", 1)[1])]
+    assert all(math.hypot(*end) == pytest.approx(10.0, abs=2e-4) for end in ends)
+    assert (8.6603, -5.0) in ends  # 10 at -30 degrees
+    assert ends[-1] == (5.0, 8.6603)  # 10 at 60 degrees: the part's +Y
+    # a chord of the angle a is 10 (1 - cos(a / 2)) from the circle: 0.05 mm allow 11.4 degrees
+    turned = np.rad2deg(np.unwrap([math.atan2(y, x) for x, y in ends]))
+    assert np.diff(turned).max() < 11.5
+    assert np.ptp(turned) == pytest.approx(450.0, abs=0.01)
+    assert largest()[0] < 0.2
+    assert 10.0 < largest()[1] < 100.0
+
+
+def test_a_helix_along_which_the_table_turns(ncomp):
+    """Half a turn of the part to the left, and 90 degrees of C back: 90 degrees of the axes, and Z falls evenly."""
+    done, written = convert(
+        ncomp, table("G1 Z5. F1000.\nG3 X-10. Y0. Z1. I-10. J0. C90. F400."), "--tolerance-um", "10"
+    )
+    assert done.status == 0, done.err
+    found = re.findall(r"X(-?[\d.]+) Y(-?[\d.]+) Z(-?[\d.]+) C(-?[\d.]+)", written)
+    for x, y, z, c in [tuple(map(float, each)) for each in found if float(each[3])]:
+        share = c / 90.0
+        angle = math.radians(180.0 * share - c)
+        assert (x, y, z) == pytest.approx((10 * math.cos(angle), 10 * math.sin(angle), 5.0 - 4.0 * share), abs=2e-4)
+    assert tuple(map(float, found[-1])) == pytest.approx((0.0, 10.0, 1.0, 90.0), abs=2e-4)
+    assert largest()[1] < 10.0
+
+
+def test_an_arc_that_stays_one_gets_its_code_again_behind_straight_lines(ncomp):
+    moves = "G1 Z5. C30. F1000.\nG3 X0. Y10. I-10. J0.\nX-10. Y0. C0. J-10.\nX10. Y0. I10. J0."
+    done, written = convert(ncomp, table(moves), "--tolerance-um", "50")
+    assert done.status == 0, done.err
+    assert len(re.findall(r"G3 X10", written)) == 1  # C0: the coordinates differ by the tool length alone
+    siemens = SIEMENS.replace("X10 Y0 C9 F360", "C30 F360\nG3 X-10 Y0 CR=10\nG3 X10 Y0 I=AC(0) J=AC(0) TURN=1")
+    done, written = convert(ncomp, siemens, "--tolerance-um", "50", file="tip.mpf")
+    assert done.status == 0, done.err
+    assert not re.search(r"G3|CR=|AC\(|TURN", written)
+
+
+def test_arcs_of_klartext_on_a_turned_table_become_straight_lines(ncomp):
+    """C, CR, CT and CP at C30 of the part, all on the circle of 10 mm about the centre of the table.
+
+    The axes go round it from -30 degrees on: 180 degrees by C, 90 by CR, 90 by CT, 720 by CP with 2 mm down, and 90.
+    """
+    arcs = (
+        "6 CC X+0 Y+0\n6 C X-10 Y+0 DR+\n6 CR X+0 Y-10 R+10 DR+ R0 M8\n6 CT X+10 Y+0\n6 CP IPA+720 IZ-2 DR+\n"
+        "6 CP PA+90 DR+\n6 L"
+    )
+    text = KLARTEXT.format(on="3 M128\n", off="7 M129\n").replace("6 L", arcs).replace("Z+5 F1000", "Z+5 C+30 F1000")
+    done, written = convert(ncomp, text, "--tolerance-um", "100", file="tip.h", offset="0=0,0,0")
+    assert done.status == 0, done.err
+    lines = written.split("CC X+0 Y+0\n")[1].splitlines()
+    assert not [line for line in lines if re.search(r"\d (C|CR|CT|CP) |DR|R\+10|PA", line)]
+    assert [line for line in lines if line.endswith(" R0 M8")]
+    at, z, found = (8.6603, -5.0), 5.0, []
+    for line in lines:
+        for axis, value in re.findall(r" (I?[XYZ])([+-][\d.]+)", line.split("C+9")[0]):
+            at = (float(value), at[1]) if axis == "X" else (at[0], float(value)) if axis == "Y" else at
+            z = z + float(value) if axis == "IZ" else float(value) if axis == "Z" else z
+        found.append((math.degrees(math.atan2(at[1], at[0])), math.hypot(*at), z))
+        if at == (5.0, 8.6603) and z == 3.0:  # 10 at 60 degrees of the axes: the +Y of the part
+            break
+    turned = np.unwrap([-30.0, *(angle for angle, _, _ in found)], period=360.0)
+    assert [radius for _, radius, _ in found] == pytest.approx([10.0] * len(found), abs=1e-4)
+    assert turned[-1] == pytest.approx(-30.0 + 180.0 + 90.0 + 90.0 + 720.0 + 90.0, abs=1e-3)
+    assert 0.0 < np.diff(turned).min() < np.diff(turned).max() < 11.5
+    below = [5.0 - 2.0 * min(max((angle - 330.0) / 720.0, 0.0), 1.0) for angle in turned[1:]]
+    assert [depth for _, _, depth in found] == pytest.approx(below, abs=2e-4)
+    assert 10.0 < largest()[1] < 100.0
+
+
+def test_a_tangential_arc_behind_straight_lines_becomes_straight_lines_too(ncomp):
+    """At C0 both kinds of coordinates are one, but CT would go on in the direction of the last chord."""
+    arcs = "6 CC X+0 Y+0\n6 C X-10 Y+0 DR+ C+0\n6 CT X+0 Y-10\n6 L"
+    text = KLARTEXT.format(on="3 M128\n", off="7 M129\n").replace("6 L", arcs).replace("Z+5 F1000", "Z+5 C+30 F1000")
+    done, written = convert(ncomp, text, "--tolerance-um", "100", file="tip.h", offset="0=0,0,0")
+    assert done.status == 0, done.err
+    assert "CT" not in written.replace("END", "")
+    assert re.search(r"L X\+0\.0000 Y-10\.0000", written)
+    assert largest()[1] < 100.0
+
+
+def test_an_arc_whose_block_cannot_be_cut_is_refused_with_the_reason(ncomp):
+    text = KLARTEXT.format(on="3 M128\n", off="7 M129\n").replace("6 L", "6 CC X+0 Y+0\n6 C X-10 Y+0 DR+ M9\n6 L")
+    done, _ = convert(ncomp, text.replace("Z+5 F1000", "Z+5 C+9 F1000"), *COARSE, file="tip.h", offset="0=0,0,0")
+    assert (done.status, "an M function in its block may run before or after the move" in done.err) == (2, True)
+    assert not Path("out_tip.h").exists()
+
+
+# ---- drilling cycles: with C90 the part's X 10 Y 5 is at X 5 Y -10 of the axes, and Z is that of the part
+
+DRILLED = "G0 C90. Z50.\n{modes}G81 X10. Y5. Z-5. R2.{feed}\nX20.\nG99 G83 Y0. Z-7. Q2.\nG80\nG1 X10. Y0. C0. F300."
+DRILLED_KLARTEXT = (
+    "4 L X+10 Y+0 Z+100 C+90 FMAX\n5 L Z+5 F1000 M8\n5 CYCL DEF 200 DRILLING ~\n Q200=2 ~\n Q201=-15 ~\n Q206=250 ~\n"
+    " Q202=5 ~\n Q210=0 ~\n Q203=+0 ~\n Q204=50 ~\n Q211=0\n6 L X+10 Y+5 FMAX M99\n7 CYCL CALL POS X+20 Y+5 Z+1\n"
+    "8 L X+20 Y+0 FMAX\n9 CYCL CALL\n"
+)
+
+
+def test_a_canned_cycle_of_iso_stays_one_with_the_tool_along_z(ncomp):
+    done, written = convert(ncomp, table(DRILLED.format(modes="G98 ", feed=" F100.")), *COARSE)
+    assert done.status == 0, done.err
+    assert (
+        "G98 G81 X5.0000 Y-10.0000 Z-5. R2. F100.\nX5.0000 Y-20.0000\nG99 G83 X0.0000 Y-20.0000 Z-7. Q2.\nG80\n"
+        in written
+    )
+    assert largest()[0] < 0.2
+
+
+@pytest.mark.parametrize(("how", "line"), [("inverse-time", "G94 F400 (NCOMP FEED)"), ("scaled", "F400 (NCOMP FEED)")])
+def test_a_canned_cycle_drills_with_the_feed_of_the_program(ncomp, how, line):
+    machine = f'{TABLE}\n[control]\nfamily = "fanuc"\n'
+    moves = f"G1 Z60. C1. F400.\n{DRILLED.format(modes='G98 ', feed='')}"
+    done, written = convert(ncomp, table(moves), *COARSE, "--tcp-feed", how, machine=machine)
+    assert done.status == 0, done.err
+    assert f"\n{line}\nG98 G81 X5.0000 Y-10.0000 Z-5. R2.\n" in written
+
+
+def test_a_canned_cycle_in_the_coordinates_of_the_axes_becomes_one_of_the_tool_point_on_linuxcnc(ncomp):
+    """X 5 Y -10 of the axes at C90 is X 10 Y 5 of the part."""
+    machine = f'{TABLE}\n[control]\nfamily = "linuxcnc"\ntcp_at_start = true\n'
+    text = "G21 G17 G90 G94 G54\nT1 M6\nG43 H1\nG0 X10. Y0 Z100. C0\nG0 X0. Y-10. C90.\nG98 G81 X5. Y-10. Z-5. R2. F100.\nG80\nM30\n"
+    done, written = convert(ncomp, text, *COARSE, machine=machine, to="to-tcp")
+    assert done.status == 0, done.err
+    assert "G98 G81 X10.0000 Y5.0000 Z-5. R2. F100.\n" in written
+    again, _ = convert(ncomp, text, *COARSE, to="to-tcp")
+    assert (again.status, "controls differ in canned cycles under G43.4" in again.err) == (2, True)
+
+
+def test_siemens_drilling_cycles_run_at_the_converted_positions(ncomp):
+    text = SIEMENS.replace(
+        "X10 Y0 C9 F360",
+        "G0 X10 Y0 C90\nMCALL CYCLE81(50,0,2,-5)\nX10 Y5\nX20\nMCALL\nY0\nCYCLE83(60,0,1,-9)\nG1 X21 F100",
+    )
+    done, written = convert(ncomp, text, *COARSE, file="tip.mpf")
+    assert done.status == 0, done.err
+    assert (
+        "; NCOMP FEED\nMCALL CYCLE81(50,0,2,-5)\nX5.0000 Y-10.0000\nX5.0000 Y-20.0000\nMCALL\nX0.0000 Y-20.0000\nCYCLE83(60,0,1,-9)\n"
+        in written
+    )
+    assert largest()[0] < 0.2
+
+
+def test_klartext_drilling_cycles_run_at_the_converted_positions(ncomp):
+    text = KLARTEXT.format(on="3 M128\n", off="7 M129\n").replace(
+        "4 L X+10 Y+0 Z+100 C+0 FMAX\n5 L Z+5 F1000 M8\n", DRILLED_KLARTEXT
+    )
+    done, written = convert(ncomp, text, *COARSE, file="tip.h", offset="0=0,0,0")
+    assert done.status == 0, done.err
+    for line in ("L X+5.0000 Y-10.0000 FMAX M99", "CYCL CALL POS X+5.0000 Y-20.0000 Z+1", "L X+0.0000 Y-20.0000 FMAX"):
+        assert f" {line}\n" in written
+    assert largest()[0] < 0.2
+
+
+LEANING = {
+    "iso": ("a.nc", table("G0 B30.\nG98 G81 X10. Y5. Z-5. R2. F100."), "the tool stands along Z of the part"),
+    "siemens": ("a.mpf", SIEMENS.replace("X10 Y0 C9 F360", "B30\nCYCLE81(50,0,2,-5)"), "the tool stands along Z of the part"),
+    "siemens off the wall": ("a.mpf", SIEMENS.replace("X10 Y0 C9 F360", "CYCLE86(50,0,2,-5)"), "CYCLE86 while TRAORI is on"),
+    "klartext": ("a.h", KLARTEXT.format(on="3 M128\n", off="").replace("4 L X+10 Y+0 Z+100 C+0 FMAX\n5 L Z+5 F1000 M8\n",
+                 DRILLED_KLARTEXT.replace("C+90", "B+30 C+90")), "the tool stands along Z of the part"),
+    "klartext off the wall": ("a.h", KLARTEXT.format(on="3 M128\n", off="").replace("4 L X+10 Y+0 Z+100 C+0 FMAX\n5 L Z+5 F1000 M8\n",
+                 DRILLED_KLARTEXT.replace("DEF 200", "DEF 202")), "cycle 202 while M128 is on"),
+    "repeated by increments": ("a.nc", table("G0 C90.\nG91 G99 G83 X5. Y5. Z-5. R-98. Q2. F100.\nX10. K3"), "write each hole in a block of its own"),
+    "a move before it": ("a.mpf", SIEMENS.replace("X10 Y0 C9 F360", "MCALL CYCLE81(50,0,2,-5)\nX11\nMCALL"), "run with another feed"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LEANING)
+def test_drilling_cycles_that_are_refused_under_tcp(ncomp, name):
+    file, text, words = LEANING[name]
+    Path(file).write_text(text.replace("C0\n", "B0 C0\n").replace("C+0", "B+0 C+0"))
+    offset = "0=0,0,0" if file.endswith(".h") else "G54=0,0,0"
+    own = ("--machine", "dmu50", "--calibration", "none", "--work-offset", offset, "--tool-length", "T1=100")
+    done = ncomp(file, *own, "--tcp", "to-axes", *COARSE, "-o", f"out_{file}")
+    assert (done.status, words in done.err) == (2, True), done.err
+    assert not Path(f"out_{file}").exists()
+
+
 REFUSED = {
     "no TCP": ("G21 G90 G17 G94 G54\nG0 X1 Y1 Z1 C0\nM30\n", (), "nothing to convert"),
-    "arc": (table("C30.\nG1 Z5. F100.\nG2 X20. Y0 I5. J0"), (), "the arc would not lie in a plane of the axes"),
     "half a turn": (table("G1 Z5. F100.\nC200."), (), None),
     "no feed": (table("G1 Z5. C5."), (), "the feed of this move is not known"),
     "family": (table("G1 Z5. C5. F100."), ("--tcp-feed", "scaled"), "controls differ in the meaning of F"),
     "rotated": (table("G1 Z5. F100.").replace("G43.4", "G68 X0 Y0 R30.\nG43.4"), (), "while the coordinates are rotated"),
+    "position before the switch": ("G21 G17 G90 G94 G54\nT1 M6\nG0 X50. Y10. Z100. C0\nG43.4 H1\nG0 C60.\nM30\n", (), "only before it switched TCP on"),
     "unknown position": ("G21 G17 G90 G94 G54\nT1 M6\nG43.4 H1\nG1 X5. C5. F100.\nM30\n", (), "given the positions of all"),
     "travel": (table("G1 Z5. F100.\nX600. C1."), (), "outside its travel"),
     "travel between": (table("G1 Z5. F100.\nX480. Y300. C0\nC80."), (), "outside its travel"),
+    "no move at all": ("G21 G90 G94 G54\nT1 M6\nM30\n", (), "nothing to convert"),
+    "no move before the refusal": ("G21 G90 G94 G54\nT1 M6\nG43.4 H1 X10. Y0 Z100. C0\nM30\n", (), "have no G0, G1, G2 or G3"),
 }  # fmt: skip
 
 

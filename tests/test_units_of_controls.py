@@ -31,12 +31,15 @@ HEAD_5AXIS = 'name = "head"\nchain = "w b X Y Z C B t"\n' + "".join(
         ("B", 100, "point = [0, 0, 250]\ndirection = [0, -1, 0]\n"),
     )
 )  # fmt: skip
-OF_CONTROL = {"linuxcnc", "siemens-eec", "siemens-cec", "linuxcnc-kinematics", "siemens-trafo5", "siemens-tcarr"}
+OF_CONTROL = {
+    "linuxcnc", "linuxcnc-calibxyz", "siemens-eec", "siemens-cec", "linuxcnc-kinematics", "siemens-trafo5",
+    "siemens-tcarr",
+}  # fmt: skip
 """Formats whose numbers are in the unit of the control."""
 OF_MACHINE = {"fanuc", "mitsubishi", "fanuc-kinematics"}
 """Formats in the unit of the machine, which is refused where it is not known."""
-FINEST = {"linuxcnc": 1e-7, "siemens-eec": 1e-6, "siemens-cec": 1e-6}
-"""Resolution of the formats, in their unit."""
+FINEST = {"linuxcnc": 1e-7, "siemens-eec": 1e-6, "siemens-cec": 1e-6, "grbl": 600.0 * 2.0**-25}
+"""Resolution of the formats, in their unit; of grbl half a bit of steps per mm in single precision, over 600 mm."""
 TABLES = list({case.format: case for case in reversed(CASES)}.values())
 GANTRY = ("joints=XYYZ",)
 

@@ -28,6 +28,7 @@ from postproc.correct.plausibility import REASONS
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("kinematics", "machines", "calibration", "postproc")
 NOT_OF_THE_LIBRARY = ("command_line.py", "derive.py", "caller.py", "ncomp_post.py")
+OPTION = re.compile(r"(?<![\w-])--[a-z]")
 PLAIN = re.compile(r"[a-z][a-z0-9_-]*")
 FREE = {
     "accept": [*REASONS, *PARTS],
@@ -94,13 +95,16 @@ def texts():
     for path in (each for package in PACKAGES for each in sorted((ROOT / package).rglob("*.py"))):
         if "commands" in path.parts or path.name in NOT_OF_THE_LIBRARY:
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        descriptions = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        parts = {id(each) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for each in node.values}
-        for node in ast.walk(tree):
+        source = path.read_text(encoding="utf-8")
+        if not OPTION.search(source):
+            continue
+        nodes = list(ast.walk(ast.parse(source)))
+        descriptions = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+        parts = {id(each) for node in nodes if isinstance(node, ast.JoinedStr) for each in node.values}
+        for node in nodes:
             if isinstance(node, (ast.JoinedStr, ast.Constant)) and id(node) not in descriptions | parts:
                 found = text_of(node)
-                if re.search(r"(?<![\w-])--[a-z]", found):
+                if OPTION.search(found):
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", found
 
 
@@ -115,7 +119,7 @@ def test_every_message_is_in_the_words_of_python():
     assert len(found) > 100
     for where, text in found:
         said = in_python(text)
-        assert not re.search(r"(?<![\w-])--[a-z]", said), where
+        assert not OPTION.search(said), where
         for option, word in re.findall(r"(?<![\w-])--([a-z][a-z0-9-]*) ([a-z][a-z0-9_-]*)", text):
             if word in WORDS.get(option, ()):
                 assert argument(option, word) in said, where

@@ -179,7 +179,7 @@ def test_increments_of_an_axis_whose_place_is_not_said_stay():
 
 def test_an_arc_from_a_place_that_is_not_said_in_its_frame_is_refused():
     text = "G54 G0 X0 Y0 Z0\nG55 X0\nG2 X10 I5\n"
-    assert "an arc from a position that the program has not given in this frame" in refusal(text, travel_check=False)
+    assert "no block gives the start of the arc in this frame" in refusal(text, travel_check=False)
     assert correct(text, GANTRY).text == text
 
 

@@ -17,7 +17,7 @@ for version in 3.11 3.12 3.13; do
         tried="$tried $version"
         echo "--- Python $version"
         "$python" -m venv "$folder/$version"
-        "$folder/$version/bin/python" -m pip install --quiet --disable-pip-version-check -c requirements.lock "$wheel"
+        "$folder/$version/bin/python" -m pip install --quiet --disable-pip-version-check -c requirements.lock "$wheel[serve]"
         cd "$folder"
         export PATH="$folder/$version/bin:$PATH"
         python -c "import ncomp; assert ncomp.__file__.startswith('$folder'), ncomp.__file__"
@@ -35,6 +35,16 @@ for version in 3.11 3.12 3.13; do
         ncomp "$root/examples/box.nc" "${setup[@]}" -o "box$version.nc" --report page.html 2>log || { cat log; exit 1; }
         python -m ncomp verify "$root/examples/box.nc" "box$version.nc" "${setup[@]}" >log
         head -6 log # a pipe that is closed early would end the script
+        export NCOMP_HISTORY="$folder/$version.sqlite"
+        ncomp history event gantry crash && ncomp history list gantry >log && grep -q crash log
+        ncomp serve --port 0 2>"serve$version.log" & server=$!
+        for _ in $(seq 100); do grep -q http "serve$version.log" && break || sleep 0.2; done
+        page=$(grep -o 'http://[^ ]*' "serve$version.log")
+        for file in task/program static/page.css static/serve.css static/serve.js; do
+            python -c "import sys, urllib.request as r; sys.stdout.buffer.write(r.urlopen(sys.argv[1]).read())" "$page$file"
+        done >log
+        grep -q "NC program" log
+        kill "$server" && wait "$server"
         ncomp simulate --machine gantry --strategy grid --points 125 --seed 1 -o data.csv
         ncomp fit data.csv --machine gantry -o "cal$version.json" --basis legendre:3 >log || { cat log; exit 1; }
         # an effect of one's own, from the recipe: a file, and an entry point of an installed package
@@ -54,7 +64,7 @@ for version in 3.11 3.12 3.13; do
             >log || { cat log; exit 1; }
         grep -q '"plug-in overshoot": "ncomp-overshoot 1.0"' "own$version.json"
         ls "$folder/$version/lib/python$version/site-packages" |
-            { ! grep -xE 'postproc|kinematics|calibration|grammars|machines|rendering'; }
+            { ! grep -xE 'postproc|kinematics|calibration|grammars|history|machines|rendering'; }
         cd "$root"
     done
 done

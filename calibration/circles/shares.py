@@ -190,7 +190,7 @@ class _Result:
         one = np.eye(len(names))[0] if period_of(term) else np.ones(len(names))
         alike = np.linalg.lstsq(by_coefficients, one)[0]
         signal = structure.whitener.columns(term.columns) @ alike
-        along = structure.equations.design.T @ signal
+        along = structure.through(signal[:, None])[:, 0]
         seen = float(signal @ signal - along @ structure.posterior.covariance @ along / factor) / factor
         typical = 1.0 / float(np.sqrt(np.mean(alike**2)))
         needed = 2.0 * (CLEAR - term.log_prior) + float(np.log1p(seen * typical**2))

@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from calibration.circles.circles import Circle
-from calibration.diagnosis.forms import columns_of, plain
+from calibration.diagnosis.forms import made_of, plain
 from calibration.diagnosis.prior_odds import with_log_prior
 from calibration.gaussian_terms.geometry import prior_sizes
 from calibration.gaussian_terms.observations import Observations
@@ -107,7 +107,7 @@ def _term(
     observations: Observations, kind: str, where: str, effects: Sequence[Effect], parameters: Array, **more: Any
 ) -> CircleTerm:
     """A term of effects, of coefficients that give their linear parameters by `parameters @`."""
-    make = partial(columns_of, observations, tuple(effects), parameters)
+    make = made_of(observations, tuple(effects), parameters)
     return CircleTerm(
         f"{kind} {where}", kind, (kind, where), make, parameters.shape[1], tuple(effects), parameters, where, **more
     )
@@ -253,7 +253,7 @@ def _spike_columns(observations: Observations, axis: str, ways: Mapping[float, f
     own = np.zeros((len(observations), 1, 1))
     for way in set(ways.values()):
         feeds = [feed for feed, value in ways.items() if value == way]
-        signal = columns_of(observations, [ReversalSpike(axis, 0.0, way)], np.array([[size]]))
+        signal = made_of(observations, [ReversalSpike(axis, 0.0, way)], np.array([[size]]))()
         own = np.where(np.isin(measurement.feed, feeds)[:, None, None], signal, own)
     x = measurement.state.position(measurement.machine, axis)
     plus = (x > 0.5 * sum(measurement.moving[axis]))[:, None, None]

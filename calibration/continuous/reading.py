@@ -13,10 +13,11 @@ import numpy as np
 
 from calibration.continuous.records import DIRECTION_NAMES, QuasiStatic, Record
 from calibration.measurement.readers import iso230_table, renishaw
-from calibration.measurement.readers.text import given_entries, old_text
+from calibration.measurement.readers.text import given_entries
 from calibration.measurement.states import DIRECTIONS, MADE_BY, is_simulated
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
+from kinematics.files.text_cells import old_text
 from kinematics.machine import Machine, make_axis
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

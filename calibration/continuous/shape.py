@@ -132,15 +132,16 @@ def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -
     keys = [*[("", "", STATED)] * 2, *keys[2:], *[("", "", STATED)] * others]
     prior = np.concatenate([np.where(degrees < 2, UNLIMITED, prior_sizes(degrees, PRIORS)), np.full(others, UNLIMITED)])
     bands = Bands.of(keys, PRIORS)
-    whole = Equations.of(*_whitened(courses, noises, extra, basis, prior))
-    rows, factor = len(whole.residual), 1.0
+    design, residual = _whitened(courses, noises, extra, basis, prior)
+    whole = Equations.of(design, residual)
+    rows, factor = len(residual), 1.0
     for _ in range(ROUNDS):
-        scaled = Equations((), whole.residual / factor**0.5, whole.gram / factor, whole.along / factor)
+        scaled = Equations(residual / factor**0.5, whole.gram / factor, whole.along / factor)
         sizes = bands.likeliest_sizes(scaled, PRIORS, STEPS)
         bands = replace(bands, first_sizes=sizes)
         posterior = Posterior.of(scaled, sizes[bands.bands], 1.0)
-        determined = posterior.determined(sizes[bands.bands])
-        left = whole.residual - whole.times(posterior.mean)
+        determined = posterior.determined
+        left = residual - design @ posterior.mean
         factor = max(float(left @ left), np.finfo(float).tiny) / (rows - float(determined.sum()))
     wider = sizes * bands.wider(summed(bands.bands, determined, len(sizes)), PRIORS)
     spread = Posterior.of(scaled, wider[bands.bands], 1.0).covariance * prior * prior[:, None]

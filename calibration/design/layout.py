@@ -15,7 +15,7 @@ from calibration.observation import equations
 from calibration.observation.normal_equations import whiteners
 from calibration.observation.reach import Reach, in_reach
 from calibration.registration.registration import Registration
-from calibration.simulation.simulate import at_stations, observe, tracker_pose, with_temperatures
+from calibration.simulation.simulate import observe, stationed, tracker_pose, with_temperatures
 from kinematics.error_model.model import no_errors
 from kinematics.machine import Vector
 from kinematics.state import State
@@ -60,17 +60,17 @@ def laid_out(
 ) -> Setup:
     """The set-up of a plan, measured once from each tracker position; points out of reach are left out, with a note.
 
-    distances: calibrated distances of the spheres of a touch probe. UserError for an instrument that observes nothing,
-    or that is at a target.
+    A plan with stations of its own is measured once (see `stationed`). distances: calibrated distances of the spheres
+    of a touch probe. UserError for an instrument that observes nothing, or that is at a target.
     """
-    poses = _poses(plan, instrument, trackers)
-    state = at_stations(plan.state, list(poses)) if trackers and poses else plan.state
+    state, stations = stationed(plan, trackers)
+    poses = _poses(plan, instrument, stations)
     if temperatures:
         state = with_temperatures(state, temperatures)
     repeat = len(state) // len(plan)
     axis = np.tile(plan.axis, repeat) if instrument.OBSERVES == "deviation" and plan.axis is not None else None
     run, rows, notes = np.tile(plan.run, repeat), np.arange(len(state)), plan.notes
-    if trackers and poses is not None and reach is not None:
+    if stations and poses is not None and reach is not None:
         rows, out_of_reach = _in_reach(plan, instrument, state, poses, reach)
         notes = (*notes, *out_of_reach)
     model = no_errors(plan.machine)
@@ -78,26 +78,29 @@ def laid_out(
         plan.machine, model, state.rows(rows), instrument, np.random.default_rng(0), poses, plan.targets,
         axis=None if axis is None else axis[rows], run=run[rows], noise_scale=0.0,
     )  # fmt: skip
-    nominal = replace(nominal, source=plan.strategy, spheres=plan.spheres, distances=tuple(distances))
-    if instrument.STATIONED and np.linalg.norm(nominal.observed, axis=1).min() < NEAREST_MM:
+    stated = plan.spheres or (stations if plan.stations else {})
+    nominal = replace(nominal, source=plan.strategy, spheres=stated, distances=tuple(distances))
+    if instrument.STATIONED and np.linalg.norm(nominal.state.need("observed", "a tracker"), axis=1).min() < NEAREST_MM:
         raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker: move the tracker")
     registration = nominal.instrument.first_registration(nominal, np.ones(len(nominal), bool))
     # rows out of reach cost no time
-    minutes = plan.minutes * max(len(trackers), 1) * (len(rows) / len(state))
+    minutes = plan.minutes * repeat * (len(rows) / len(state))
     return Setup(nominal, registration, poses, *_weights(nominal, weighting), minutes, tuple(notes))
 
 
-def _poses(plan: Plan, instrument: Instrument, trackers: Sequence[Vector]) -> Mapping[str, Pose] | None:
+def _poses(plan: Plan, instrument: Instrument, stations: Mapping[str, Vector]) -> Mapping[str, Pose] | None:
     """Poses of the trackers by station, or of the spheres by name; None for other instruments.
 
     UserError for a tracker without a position, and for a position of another instrument.
     """
     if instrument.STATIONED:
-        if not trackers:
-            raise UserError("the position of the laser tracker is missing: state tracker = [x, y, z]")
+        if not stations:
+            raise UserError(
+                f"the position of the {instrument.kind().replace('-', ' ')} is missing: state tracker = [x, y, z]"
+            )
         # the rotation of a levelled tracker about its vertical has no effect: it need not be drawn
-        return {f"s{k}": tracker_pose(tracker, np.random.default_rng(0)) for k, tracker in enumerate(trackers, start=1)}
-    if trackers:
+        return {name: tracker_pose(position, np.random.default_rng(0)) for name, position in stations.items()}
+    if stations:
         raise UserError(
             f"a position of a tracker is not allowed in a measurement by {type(instrument).__name__.lower()}"
         )

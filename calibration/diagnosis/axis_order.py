@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from calibration.diagnosis.conclusion.verdict import CLEAR
-from calibration.diagnosis.search import DOUBTFUL, STEPS
+from calibration.diagnosis.search import DOUBTFUL
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.measurement.measurement import Measurement
@@ -43,7 +43,7 @@ def other_order(found: Structure) -> str:
 def _fitted(measurement: Measurement, found: Structure) -> Structure:
     """The structure of a measurement without causes; its noise is found again where that may make it likelier."""
     first = Structure.first(Data.of(Observations.of(measurement)))
-    sized = replace(first, noise=found.noise).with_sizes(STEPS)
+    sized = replace(first, noise=found.noise).with_sizes()
     return sized.fitted() if sized.total > found.total + DOUBTFUL else sized
 
 

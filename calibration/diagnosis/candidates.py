@@ -10,83 +10,71 @@ from __future__ import annotations
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
-from calibration.diagnosis.dictionary import Dictionary, single
-from calibration.diagnosis.forms import displacements
+from calibration.diagnosis.dictionary import Block, Dictionary, products
+from calibration.diagnosis.forms import together
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.error_model.priors import SIZES
 from kinematics.transforms import Array
 
-LEAST = 1e-3
-"""Variance that the geometry gives a direction of the observations, in that of the noise, above which it counts."""
+REFINED = 6
+"""Most times that a term is refined, each time about eight times as closely."""
+COARSE = 2e-3
+"""Share of its log odds by which a term is less likely than one between it and its neighbours."""
 
 
-@dataclass(frozen=True)
-class Beyond:
-    """What the geometry of a structure leaves of whitened columns: with its prior sizes, a part of each direction.
+class Beyond(NamedTuple):
+    """What the geometry of a structure, with its prior sizes, takes of the products of whitened columns."""
 
-    The root of this part is taken, so that products of what is left are those that the evidence needs. A difference of
-    large products would lose the digits of causes that the geometry explains nearly.
-    """
-
-    directions: Array
-    """`(N, r)`, orthonormal; those of the registration first."""
-    taken: Array
-    """Share `(r,)` of each direction that is taken."""
-    residual: Array
-    """What is left of the observations `(N,)`."""
+    sizes: Array
+    """Prior sizes `(p,)` of the columns of the geometry."""
+    low: Array
+    """Triangular root `(p, p)` of their products in these sizes, and of the noise."""
+    along: Array
+    """What is taken of the observations `(p,)`, in the directions of `taken`."""
 
     @classmethod
     def of(cls, structure: Structure) -> Beyond:
-        """What the geometry of a structure leaves."""
-        equations = structure.of_geometry
-        size = structure.sizes[: structure.data.geometry.width] / np.sqrt(structure.noise.factor)
-        values, vectors = np.linalg.eigh(equations.gram * size[:, None] * size)
-        used = values > LEAST
-        turned = vectors[:, used] * size[:, None] / np.sqrt(values[used])
-        spanned = structure.whitener.spanned
-        directions = np.concatenate([spanned, equations.design @ turned], axis=1)
-        taken = np.concatenate([np.ones(spanned.shape[1]), 1.0 - 1.0 / np.sqrt(1.0 + values[used])])
-        bare = cls(directions, taken, equations.residual)
-        return replace(bare, residual=bare.left(equations.residual))
+        """What the geometry of a structure takes."""
+        equations, sizes = structure.of_geometry, structure.sizes[: structure.data.geometry.width]
+        matrix = equations.gram * sizes[:, None] * sizes
+        matrix[np.diag_indices_from(matrix)] += structure.noise.factor
+        bare = cls(sizes, np.asarray(np.linalg.cholesky(matrix), float), np.zeros(0))
+        return bare._replace(along=bare.taken(equations.along))
 
-    def left(self, table: Array) -> Array:
-        """What is left of whitened columns `(N, ...)`, in their precision."""
-        directions, taken = self._single if table.dtype == np.float32 else (self.directions, self.taken)
-        return np.asarray(table - directions @ (taken.reshape(-1, *[1] * (table.ndim - 1)) * (directions.T @ table)))
-
-    @cached_property
-    def _single(self) -> tuple[Array, Array]:
-        """The directions and their shares in single precision."""
-        return self.directions.astype(np.float32), self.taken.astype(np.float32)
+    def taken(self, through: Array) -> Array:
+        """Roots `(p, ...)` of what is taken of columns, by their products `(p, ...)` with those of the geometry."""
+        sizes = self.sizes.reshape(-1, *[1] * (through.ndim - 1))
+        return np.asarray(linalg.solve_triangular(self.low, sizes * through, lower=True, check_finite=False))
 
 
 class Present(NamedTuple):
     """The terms of a structure beyond its geometry."""
 
     beyond: Beyond
-    columns: Array
-    """What the geometry leaves of their columns `(N, a)`."""
+    taken: Array
+    """Roots `(p, a)` of what the geometry takes of their columns."""
     gram: Array
-    """Products `(a, a)` of these."""
+    """Products `(a, a)` of what it leaves of these."""
     along: Array
-    """Products `(a,)` of these with what is left of the observations."""
+    """Products `(a,)` of this with the observations."""
     starts: np.ndarray
     """First column of each term, and the number of columns at the end."""
 
     @classmethod
     def of(cls, structure: Structure, beyond: Beyond) -> Present:
         """The terms of a structure."""
-        left = beyond.left(structure.of_terms)
+        equations, p = structure.equations, len(beyond.sizes)
+        taken = beyond.taken(equations.gram[:p, p:])
         starts = np.cumsum([0, *(term.width for term in structure.terms)])
-        return cls(beyond, left, left.T @ left, left.T @ beyond.residual, starts)
+        gram = equations.gram[p:, p:] - taken.T @ taken
+        return cls(beyond, taken, gram, equations.along[p:] - taken.T @ beyond.along, starts)
 
 
 class Columns(NamedTuple):
@@ -146,11 +134,8 @@ class Candidates:
         """Those of a dictionary, and some further ones."""
         present = Present.of(structure, Beyond.of(structure))
         terms = [*dictionary.terms, *further]
-        numbers = np.arange(len(dictionary.terms), len(terms))
-        made = ((numbers, single(further)) for _ in numbers[:1])
-        return cls(
-            structure, terms, present, list(_grouped(structure, present, terms, chain(dictionary.blocks(), made)))
-        )
+        groups = list(_grouped(structure, present, dictionary.blocks(structure, further)))
+        return cls(structure, terms, present, groups)
 
     def beside(self, terms: Sequence[Term]) -> Candidates:
         """No candidates, beside other terms with the same geometry and noise; for `exact`."""
@@ -174,20 +159,38 @@ class Candidates:
 
     def exact(self, terms: Sequence[Term], without: Collection[int] = ()) -> Array:
         """The same of any terms `(len(terms),)`, in double precision."""
-        if not terms:
-            return np.zeros(0)
-        block = np.arange(len(terms)), np.concatenate([term.columns for term in terms], axis=2)
-        return self._odds(list(_grouped(self.structure, self.present, terms, [block])), terms, without)
+        return self._odds(_grouped(self.structure, self.present, _block(self.structure, terms)), terms, without)
 
     @cached_property
-    def displacements(self) -> list[Term]:
-        """Whole displacements whose components are candidates."""
-        return list(displacements(self.terms))
+    def _wholes(self) -> tuple[list[Term], list[Columns]]:
+        """Causes in several places whose parts are candidates."""
+        wholes = list(together(self.terms))
+        return wholes, list(_grouped(self.structure, self.present, _block(self.structure, wholes)))
 
-    def whole(self, without: Collection[int]) -> list[Term]:
-        """Those of which no component is present, but for terms of some numbers."""
+    def whole(self, without: Collection[int]) -> Term | None:
+        """The likeliest cause in several places, none of whose parts is present but for terms of some numbers."""
         present = {term.family for number, term in enumerate(self.structure.terms) if number not in without}
-        return [each for each in self.displacements if not any(part.family in present for part in each.parts)]
+        wholes, groups = self._wholes
+        odds = self._odds(groups, wholes, without).tolist()
+        free = [each for each in zip(odds, wholes, strict=True) if present.isdisjoint(p.family for p in each[1].parts)]
+        return max(free, key=lambda each: each[0])[1] if free else None
+
+    def refined(
+        self, term: Term, without: Collection[int], members: Sequence[Term] = (), least: float = 0.0
+    ) -> tuple[Term, float, float]:
+        """The likeliest member of the family of a term, its log odds, and those of the term; members: tried first.
+
+        Each time finer members are tried, the log odds must rise by more than `least`.
+        """
+        first = odds = float(self.exact([term], without)[0])
+        for _ in range(REFINED):
+            members = [*members, *([] if term.finer is None else term.finer())]
+            found = self.exact(members, without)
+            if not members or found.max() <= odds + least:
+                break
+            best = int(np.argmax(found))
+            term, odds, members = members[best], float(found[best]), ()
+        return term, odds, first
 
     def members(self, family: Hashable) -> list[Term]:
         """The candidates of a family."""
@@ -234,41 +237,28 @@ def by_family(terms: Sequence[Term], odds: Array, present: Collection[Hashable])
     return found
 
 
-def _grouped(
-    structure: Structure, present: Present, terms: Sequence[Term], blocks: Iterable[tuple[np.ndarray, Array]]
-) -> Iterator[Columns]:
+def _block(structure: Structure, terms: Sequence[Term]) -> list[Block]:
+    """One block of terms; none without terms."""
+    columns = [term.make() for term in terms]
+    return [Block.of(structure, terms, np.arange(len(terms)), np.concatenate(columns, axis=2))] if columns else []
+
+
+def _grouped(structure: Structure, present: Present, blocks: Iterable[Block]) -> Iterator[Columns]:
     """The terms of blocks by their width, conditional on the geometry of a structure."""
     found: dict[int, list[Columns]] = {}
-    for numbers, raw in blocks:
-        for group in _block(structure, present, [terms[i].width for i in numbers.tolist()], raw):
-            found.setdefault(group.values.shape[1], []).append(group._replace(numbers=numbers[group.numbers]))
+    for block in blocks:
+        taken = present.beyond.taken(block.through)
+        along = block.along - present.beyond.along @ taken
+        own = [np.zeros((0, len(along))), *(block.across[term] for term in structure.terms)]
+        across = np.concatenate(own) - present.taken.T @ taken
+        for width, (members, index, whole) in block.of_width.items():
+            values, vectors = np.linalg.eigh(whole - products(taken, index))
+            turned = np.einsum("mwv,mw->mv", vectors, along[index])
+            beside = np.moveaxis(across[:, index], 0, 1) @ vectors
+            columns = Columns(block.numbers[members], np.maximum(values, 0.0), turned, beside)
+            found.setdefault(width, []).append(columns)
     for groups in found.values():
         yield Columns(*(np.concatenate(parts) for parts in zip(*groups, strict=True)))
-
-
-def _block(structure: Structure, present: Present, widths: Sequence[int], raw: Array) -> Iterator[Columns]:
-    """The terms of one block, with columns `(n, d, sum of widths)`; numbers are those within the block."""
-    left = present.beyond.left(structure.whitener.with_stated(raw))
-    along = present.beyond.residual.astype(left.dtype) @ left
-    across = present.columns.astype(left.dtype).T @ left
-    starts = np.cumsum([0, *widths])
-    for width in sorted(set(widths)):
-        numbers = np.flatnonzero(np.array(widths) == width)
-        index = starts[numbers][:, None] + np.arange(width)
-        products = _products(left, index)
-        values, vectors = np.linalg.eigh(products.astype(float))
-        yield Columns(
-            numbers,
-            np.maximum(values, 0.0),
-            np.einsum("mwv,mw->mv", vectors, along[index].astype(float)),
-            np.moveaxis(across[:, index], 0, 1).astype(float) @ vectors,
-        )
-
-
-def _products(table: Array, index: np.ndarray) -> Array:
-    """Products `(m, w, w)` of groups of columns of a table `(N, c)`, by their numbers `(m, w)`."""
-    own = np.moveaxis(table[:, index], 1, 0)
-    return np.asarray(np.swapaxes(own, 1, 2) @ own)
 
 
 Families = Mapping[Hashable, tuple[float, int]]

@@ -14,6 +14,7 @@ import numpy as np
 from calibration.gaussian_terms.linearised import SETTLED
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Structure
+from kinematics.effects import Effect
 from kinematics.effects.base import own_motion
 from kinematics.error_model.model import no_errors
 from kinematics.transforms import Array
@@ -38,39 +39,26 @@ def followed(structure: Structure, commanded: Observations) -> Observations | No
 def _ahead(structure: Structure) -> Array:
     """How far the axes are ahead of their commands `(n, axes)`, mm and rad, by the effects of the motion."""
     state, machine = structure.data.observations.measurement.state, structure.data.observations.measurement.machine
-    start = structure.data.geometry.width
-    found = np.zeros(state.positions.shape)
-    for term in structure.terms:
-        mean = structure.posterior.mean[start : start + term.width]
-        start += term.width
-        if term.parameters is None or any(OF_MOTION not in effect.needs for effect in term.effects):
-            continue
-        sizes = np.split(term.parameters @ mean, np.cumsum([np.count_nonzero(e.linear) for e in term.effects])[:-1])
-        for effect, own in zip(term.effects, sizes, strict=True):
-            values = np.array(effect.parameters)
-            values[effect.linear] = own
-            model = msgspec.structs.replace(no_errors(machine), effects=(effect.with_parameters(values.tolist()),))
-            errors = model.observation(machine, state).errors
-            for axis in machine.names:
-                i, component, forward = own_motion(machine, axis)
-                found[:, i] += forward * errors[:, i, component]
+    of_motion: list[Effect] = []
+    for number, term in enumerate(structure.terms):
+        if all(OF_MOTION in effect.needs for effect in term.effects):
+            values = term.values(structure.posterior.mean[structure.columns_of(number)])
+            ends = np.cumsum([len(effect.parameters) for effect in term.effects])[:-1]
+            each = zip(term.effects, np.split(values, ends), strict=False)
+            of_motion += [effect.with_parameters(own.tolist()) for effect, own in each]
+    model = msgspec.structs.replace(no_errors(machine), effects=tuple(of_motion))
+    errors, found = model.observation(machine, state).errors, np.zeros(state.positions.shape)
+    for i, component, forward in (own_motion(machine, axis) for axis in machine.names):
+        found[:, i] = forward * errors[:, i, component]
     return found
 
 
 def _changed(structure: Structure, again: Observations) -> bool:
     """True where the columns of a structure at other positions change its residual by more than rounding."""
     geometry, mean = structure.data.geometry, structure.posterior.mean
-    before = structure.data.observations
     effects = [*geometry.effects, *(effect for term in structure.terms for effect in term.effects)]
-    values = [geometry.parameters @ mean[: geometry.width]]
-    start = geometry.width
-    for term in structure.terms:
-        own = np.zeros(sum(len(effect.parameters) for effect in term.effects))
-        if term.parameters is not None:
-            linear = np.concatenate([effect.linear for effect in term.effects])
-            own[linear] = term.parameters @ mean[start : start + term.width]
-        values.append(own)
-        start += term.width
-    change = (again.columns(effects) - before.columns(effects)) @ np.concatenate(values)
+    own = (term.values(mean[structure.columns_of(number)]) for number, term in enumerate(structure.terms))
+    values = np.concatenate([geometry.parameters @ mean[: geometry.width], *own])
+    change = (again.columns(effects) - structure.data.observations.columns(effects)) @ values
     white = structure.whitener.columns(change[:, :, None])
     return float(np.sqrt(np.mean(white**2) / structure.noise.factor)) > SETTLED

@@ -6,8 +6,7 @@ stays where it is. They belong to two effects, fixed in the middle and at the en
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Hashable, Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -63,7 +62,7 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
         name,
         contract_kind(effect),
         family_of(effect),
-        partial(columns_of, observations, own, parameters),
+        made_of(observations, own, parameters),
         parameters.shape[1],
         own,
         parameters,
@@ -71,25 +70,31 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
     )
 
 
-def displacements(terms: Sequence[Term]) -> Iterator[Term]:
-    """Terms of whole displacements: causes in X, Y and Z of the tool or the workpiece that are equal but for this.
+def together(terms: Sequence[Term]) -> Iterator[Term]:
+    """Terms of causes that are equal but for their place: in X, Y and Z of the tool, or of each axis.
 
-    One that is hidden by another cause in each single direction is seen as a whole.
+    One that is hidden by another cause, or by the others, in each single place is seen as a whole.
     """
-    courses: dict[Effect, list[Term]] = {}
+    places: dict[Hashable, list[Term]] = {}
     for term in terms:
-        if not term.named or len(term.effects) != 1:
-            continue
-        (effect,) = term.effects
-        if not effect.axes and getattr(effect, "component", "") in ("X", "Y", "Z"):
-            courses.setdefault(msgspec.structs.replace(effect, component="X"), []).append(term)
-    for parts in courses.values():
-        if len(parts) > 1:
-            yield _displacement(parts)
+        for effect in term.effects if term.named and len(term.effects) == 1 else ():
+            if (place := _place(effect)) is not None:
+                values = msgspec.structs.asdict(effect) | {place: None}
+                places.setdefault((type(effect), *values.values()), []).append(term)
+    yield from (_whole(parts) for parts in places.values() if len(parts) > 1)
 
 
-def _displacement(parts: Sequence[Term]) -> Term:
-    """The term of some components of one displacement."""
+def _place(effect: Effect) -> str | None:
+    """The field of an effect that states its place; None where it has none, or more than one."""
+    component = getattr(effect, "component", None)
+    if component in ("X", "Y", "Z") and not effect.axes:
+        return "component"
+    alone = hasattr(effect, "axis") and len(effect.axes) == 1 and component is None and not effect.PERIODIC
+    return "axis" if alone else None
+
+
+def _whole(parts: Sequence[Term]) -> Term:
+    """The term of one cause in several places."""
     first = parts[0]
 
     def make() -> Array:
@@ -97,12 +102,12 @@ def _displacement(parts: Sequence[Term]) -> Term:
 
     def finer() -> list[Term]:
         each = (part.finer() for part in parts if part.finer is not None)
-        return [_displacement(some) for some in zip(*each, strict=True)]
+        return [_whole(some) for some in zip(*each, strict=True)]
 
     name = f"{first.kind} {'+'.join(str(part.where) for part in parts)}"
     width = sum(part.width for part in parts)
     effects = tuple(effect for part in parts for effect in part.effects)
-    family, prior = (first.kind, "any direction"), first.log_prior
+    family, prior = (first.kind, "everywhere"), first.log_prior
     return Term(name, first.kind, family, make, width, effects, log_prior=prior, finer=finer, parts=tuple(parts))
 
 
@@ -139,7 +144,20 @@ def motion_changes(observations: Observations, calibration: ErrorModel) -> Itera
         yield _term(observations, effect, f"change of {effect.name}", (effect,), np.diag(sizes)[:, degrees > 1])
 
 
-def columns_of(observations: Observations, effects: Sequence[Effect], parameters: Array) -> Array:
-    """Columns `(n, d, width)` of coefficients that give the linear parameters of effects, by `parameters @`."""
+def made_of(observations: Observations, effects: Sequence[Effect], parameters: Array) -> Callable[[], Array]:
+    """Makes the columns of coefficients that give the linear parameters of effects, by `parameters @`.
+
+    Along one arm where the effects are one error of the machine.
+    """
+    machine, state = observations.measurement.machine, observations.measurement.state
     linear = np.concatenate([effect.linear for effect in effects])
-    return np.asarray(observations.columns(effects)[:, :, linear] @ parameters)
+    errors = [each for effect in effects for each in effect.columns(machine, state)]
+    numbers = {6 * (each.column % (len(machine.axes) + 2)) + each.component for each in errors}
+
+    def functions() -> Array:
+        each = [own.values for effect in effects for own in effect.columns(machine, state)]
+        return np.asarray(np.concatenate(each, axis=1)[:, linear] @ parameters)
+
+    if len(numbers) == 1 and len(errors) == len(effects):
+        return observations.along(numbers.pop(), functions)
+    return lambda: np.asarray(observations.columns(effects)[:, :, linear] @ parameters)

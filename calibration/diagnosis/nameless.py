@@ -13,13 +13,13 @@ from itertools import combinations
 
 import numpy as np
 
-from calibration.diagnosis.forms import columns_of
+from calibration.diagnosis.forms import made_of
 from calibration.diagnosis.smooth import (
     TYPICAL,
     Products,
     Variable,
+    along_tool,
     axes_of,
-    displaced,
     of_readings,
     products,
     share_of_time,
@@ -35,7 +35,7 @@ from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.term import Term
 from calibration.observation.full_model import is_log
 from kinematics.basis import Legendre
-from kinematics.effects import COMPONENTS, ErrorMotion
+from kinematics.effects import ErrorMotion
 from kinematics.effects.base import UM, own_component, unit_of
 from kinematics.state import TIME
 from kinematics.transforms import Array
@@ -81,7 +81,7 @@ def swings(observations: Observations) -> Iterator[Term]:
     two axes as a function of a higher degree.
     """
     if timed(observations):
-        for letter, _ in tool_directions(observations):
+        for letter in tool_directions(observations):
             yield from _in_proportion(observations, letter, TURNS, HALF_TURN)
 
 
@@ -115,14 +115,14 @@ def _swing(
 ) -> Term:
     """A swing of so many turns over the duration, times functions of some axes."""
     names = tuple(each.name for each in variables)
-    arm = dict(tool_directions(observations))[letter]
+    columns = [each.columns for each in variables]
     size = TYPICAL * np.diag(form.heights)
     period = float(np.ptp(time_of(observations))) / turns
     return Term(
         f"error along {letter}, periodic in time ({period:.4g} s), which changes with {', '.join(names)}",
         "swing",
         ("swing", letter),
-        partial(_swing_columns, arm, form, [each.columns for each in variables], share_of_time(observations), turns),
+        along_tool(observations, letter, partial(_swing_functions, form, columns, share_of_time(observations), turns)),
         2 * len(form.degrees),
         (unnamed(letter, variables, form),),
         np.concatenate([size, size], axis=1),
@@ -131,9 +131,9 @@ def _swing(
     )
 
 
-def _swing_columns(arm: Array, form: Products, columns: Sequence[Array], share: Array, turns: float) -> Array:
+def _swing_functions(form: Products, columns: Sequence[Array], share: Array, turns: float) -> Array:
     functions, phase = form.of(columns), (2.0 * np.pi * turns) * share[:, None]
-    return displaced(arm, np.concatenate([functions * np.sin(phase), functions * np.cos(phase)], axis=1), TYPICAL * UM)
+    return TYPICAL * UM * np.concatenate([functions * np.sin(phase), functions * np.cos(phase)], axis=1)
 
 
 def walks(observations: Observations) -> Iterator[Term]:
@@ -148,12 +148,12 @@ def walks(observations: Observations) -> Iterator[Term]:
     functions = _steps(count, share)
     whole, constant = variable(TIME, time_of(observations)), Products(((0,),), np.ones(1))
     parameters = TYPICAL * np.sqrt(np.mean(functions**2, axis=0))[None]
-    for letter, arm in tool_directions(observations):
+    for letter in tool_directions(observations):
         yield Term(
             f"random walk along {letter}",
             "walk",
             ("walk", letter),
-            partial(_walk_columns, arm, count, share),
+            along_tool(observations, letter, partial(_walk_functions, count, share)),
             count,
             (unnamed(letter, [whole], constant),),
             parameters,
@@ -168,8 +168,8 @@ def _steps(count: int, share: Array) -> Array:
     return np.asarray(2.0 * np.sin(rates * share[:, None]) / rates)
 
 
-def _walk_columns(arm: Array, count: int, share: Array) -> Array:
-    return displaced(arm, _steps(count, share), TYPICAL * UM)
+def _walk_functions(count: int, share: Array) -> Array:
+    return TYPICAL * UM * _steps(count, share)
 
 
 def fine(observations: Observations) -> Iterator[Term]:
@@ -184,11 +184,12 @@ def fine(observations: Observations) -> Iterator[Term]:
         again = np.flatnonzero(counts > 1)
         if counts[number].mean() < VISITS or not DEGREE < len(again) <= MOST_POSITIONS:
             continue
+        size = TYPICAL_FINE * unit_of(axis)[1]
         yield Term(
             f"fine errors of {axis}",
             "fine",
             ("fine", axis),
-            partial(_position_columns, own_arm(observations, axis), number, again, TYPICAL_FINE * unit_of(axis)[1]),
+            observations.along(observations.own_arm(axis), partial(_visits, number, again, size)),
             len(again),
             where=axis,
             variables=(axis,),
@@ -207,7 +208,7 @@ def _fine_curve(observations: Observations, axis: str) -> Term:
         f"fine errors of {axis}",
         "fine",
         ("fine", axis),
-        partial(columns_of, observations, (effect,), parameters),
+        made_of(observations, (effect,), parameters),
         parameters.shape[1],
         (effect,),
         parameters,
@@ -216,14 +217,8 @@ def _fine_curve(observations: Observations, axis: str) -> Term:
     )
 
 
-def own_arm(observations: Observations, axis: str) -> Array:
-    """Change `(n, d)` of the observations by the positioning error of an axis, per mm or rad."""
-    column = 6 * observations.measurement.machine.index(axis) + COMPONENTS.index(own_component(axis))
-    return np.asarray(observations.transform[:, :, column])
-
-
-def _position_columns(arm: Array, number: np.ndarray, again: np.ndarray, size: float) -> Array:
-    return displaced(arm, (number[:, None] == again).astype(float), size)
+def _visits(number: np.ndarray, again: np.ndarray, size: float) -> Array:
+    return np.asarray(size * (number[:, None] == again))
 
 
 def second_moment(term: Term, mean: Array, covariance: Array) -> Array:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.candidates import Candidates, Families
+from calibration.diagnosis.candidates import COARSE, Candidates, Families
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.diagnosis.followed import followed
 from calibration.diagnosis.named import named
@@ -34,28 +34,18 @@ PRESENT = 3.0
 """Log odds from which a term is present: 20 to 1, one false cause in twenty doubtful ones."""
 RISE = 1.0
 """Least rise of the log posterior by a move between terms: less is decided by rounding and by the sizes."""
-ROUNDING = 2e-3
-"""Relative error of scores in single precision."""
-MOVES = 30
-"""Most moves of a search."""
 RETRIED, DOUBTFUL = 6, -9.0
 """Number of causes that are retried, and the least log odds of these; they explain something of the data already."""
 LIKELY = 2
-"""Number of structures for which the noise is found again, of all that are tried at once."""
-RIVALS = 2
-"""Rivals of a term that are refined before they are compared with it."""
-REFINED = 6
-"""Most times that a term is refined, each time about eight times as closely."""
+"""Of all that are tried at once: rivals of a term that are refined, and structures whose noise is found again."""
 SMOOTHER = 0.1
 """Share of their sizes at which finer error motions are begun beside a wave; at most their prior size."""
+FOLLOWED = 2
+"""Most times that errors are sought again where the axes were behind their commands."""
 PARTS = 3
 """Most terms into which one is split; one with fewer columns is not split."""
 SHORT = 12
 """Families among which the parts of a split are looked for."""
-FOLLOWED = 2
-"""Most times that errors are sought again where the axes were behind their commands."""
-STEPS = 12
-"""Steps of the sizes after a move."""
 
 
 @dataclass(frozen=True)
@@ -109,13 +99,9 @@ class Search:
         """The likeliest structure that the moves reach."""
         self._tried.add(_key(structure.terms))
         candidates = self._candidates(structure)
-        for _ in range(MOVES):
-            better = self._moved(candidates) or self._retried(candidates) or self._out_of_motions(candidates)
-            if better is None:
-                break
-            structure = better
-            candidates = self._candidates(structure)
-        return Found(structure, candidates)
+        while better := self._moved(candidates) or self._retried(candidates) or self._out_of_motions(candidates):
+            candidates = self._candidates(better)
+        return Found(candidates.structure, candidates)
 
     def _candidates(self, structure: Structure) -> Candidates:
         return Candidates.of(structure, self._dictionary, waves(structure))
@@ -129,7 +115,7 @@ class Search:
                 continue
             self._tried.add(_key(move.terms))
             self._progress(f"{move.name} ({move.rise:.1f})")
-            found = structure.with_terms(parts_of(move.terms)).fitted(STEPS)
+            found = structure.with_terms(parts_of(move.terms)).fitted()
             if worth(found) > worth(structure):
                 return found
         return None
@@ -143,16 +129,17 @@ class Search:
         for terms in map(parts_of, (*_doubtful_causes(candidates), *_doubtful_exchanges(candidates))):
             if _key(terms) not in self._tried:
                 self._tried.add(_key(terms))
-                found.append(candidates.structure.with_terms(terms).with_sizes(STEPS))
+                found.append(candidates.structure.with_terms(terms).with_sizes())
         return self._better(found, candidates.structure)
 
     def _better(self, sized: Sequence[Structure], structure: Structure) -> Structure | None:
         """The likeliest of some structures with noise and outliers found again, if it is likelier than a structure.
 
-        Only the likeliest ones by their sizes alone are looked at: the noise takes most of the time.
+        Only the likeliest ones by their sizes alone are looked at, which the noise may make likelier than it.
         """
         likely = sorted(sized, key=worth, reverse=True)[:LIKELY]
-        best = max((each.fitted(STEPS) for each in likely), key=worth, default=structure)
+        doubtful = (each.fitted() for each in likely if worth(each) > worth(structure) + DOUBTFUL)
+        best = max(doubtful, key=worth, default=structure)
         return best if worth(best) > worth(structure) else None
 
     def _out_of_motions(self, candidates: Candidates) -> Structure | None:
@@ -170,12 +157,12 @@ class Search:
             if each.explained > before:
                 started[term.family] = each
         smooth = smoothed(structure)
-        sized = [each.beside(smooth).with_sizes(STEPS) for each in started.values() if self._is_new(structure, each)]
+        sized = [each.beside(smooth).with_sizes() for each in started.values() if self._is_new(structure, each)]
         if sized:
             best = max(sized, key=worth).terms[-1]
             finer = [] if best.finer is None else [term for term in best.finer() if term.width > best.width]
             more = (_Started.of(term, structure, left) for term in finer)
-            sized += [each.beside(smooth).with_sizes(STEPS) for each in more]
+            sized += [each.beside(smooth).with_sizes() for each in more]
         return self._better(sized, structure)
 
     def _is_new(self, structure: Structure, started: _Started) -> bool:
@@ -226,7 +213,7 @@ def worth(structure: Structure) -> float:
 def additions(candidates: Candidates) -> Iterator[Move]:
     """The likeliest causes that may be added."""
     structure = candidates.structure
-    for odds, term in _likeliest(candidates, (), RIVALS + 1, refine=True):
+    for odds, term in _likeliest(candidates, (), LIKELY + 1):
         if odds > PRESENT:
             yield Move(odds - PRESENT, f"add {term.name}", (*structure.terms, term))
 
@@ -244,7 +231,7 @@ def _doubtful_exchanges(candidates: Candidates) -> Iterator[tuple[Term, ...]]:
     for number, term in enumerate(candidates.structure.terms):
         least = candidates.own(number) + DOUBTFUL
         rest = tuple(other for other in candidates.structure.terms if other is not term)
-        for odds, rival in _likeliest(candidates, (number,), RIVALS, refine=True) if term.named else ():
+        for odds, rival in _likeliest(candidates, (number,), LIKELY) if term.named else ():
             if odds > least:
                 yield (*rest, rival)
 
@@ -254,15 +241,14 @@ def _changes(candidates: Candidates) -> Iterator[Move]:
     structure, every_row = candidates.structure, candidates.with_every_row()
     for number, term in enumerate(structure.terms):
         own = candidates.own(number)
-        margin = RISE + ROUNDING * abs(own)
+        margin = RISE + COARSE * abs(own)
         rest = tuple(other for other in structure.terms if other is not term)
         if own < PRESENT:
             yield Move(PRESENT - own, f"drop {term.name}", rest)
-        first = every_row.own(number)
-        better, odds = refined(every_row, term, first, (number,), candidates.members(term.family))
+        better, odds, first = every_row.refined(term, (number,), candidates.members(term.family), RISE / 2.0)
         if better is not term:
             yield Move(odds - first, f"refine {term.name}", (*rest, better))
-        for odds, rival in _likeliest(candidates, (number,), RIVALS, refine=True):
+        for odds, rival in _likeliest(candidates, (number,), LIKELY):
             if odds > max(own, PRESENT) + margin:
                 yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
         for odds, rival in _periodic(candidates, (number,)):
@@ -283,9 +269,9 @@ def _merged(candidates: Candidates) -> Iterator[Move]:
         for other in range(one):
             joint = candidates.own(one) + candidates.own(other, (one,)) - PRESENT
             rest = tuple(term for number, term in enumerate(terms) if number not in (one, other))
-            rivals = [*_likeliest(candidates, (one, other), 1, refine=True), *_periodic(candidates, (one, other))]
+            rivals = [*_likeliest(candidates, (one, other), 1), *_periodic(candidates, (one, other))]
             for odds, rival in rivals:
-                if odds > joint + RISE + ROUNDING * abs(joint):
+                if odds > joint + RISE + COARSE * abs(joint):
                     name = f"merge {terms[one].name} and {terms[other].name} to {rival.name}"
                     yield Move(odds - joint, name, (*rest, rival))
 
@@ -303,8 +289,8 @@ def _periodic(candidates: Candidates, without: Sequence[int]) -> Iterator[tuple[
     if proposed:
         odds = candidates.exact(proposed, without)
         best = int(np.argmax(odds))
-        term, refined_odds = refined(candidates, proposed[best], float(odds[best]), without)
-        yield refined_odds, term
+        term, own, _ = candidates.refined(proposed[best], without, least=RISE / 2.0)
+        yield own, term
 
 
 def _repeats(term: Term) -> bool:
@@ -312,42 +298,20 @@ def _repeats(term: Term) -> bool:
     return bool(term.effects) and all(effect.PERIODIC for effect in term.effects)
 
 
-def _likeliest(
-    candidates: Candidates, without: Sequence[int], count: int, *, refine: bool = False
-) -> Iterator[tuple[float, Term]]:
+def _likeliest(candidates: Candidates, without: Sequence[int], count: int) -> Iterator[tuple[float, Term]]:
     """Log odds and best member of the likeliest families that are not present, but for some terms left out."""
     families: Families = candidates.by_family(candidates.odds(without))
     for odds, best in sorted(families.values(), key=lambda each: -each[0])[:count]:
-        term = candidates.terms[best]
-        if refine:
-            better, own = refined(candidates, term, float(candidates.exact([term], without)[0]), without)
-            yield max(odds, own), better
-        else:
-            yield odds, term
-    if whole := candidates.whole(without):
-        each = candidates.exact(whole, without)
-        best = int(np.argmax(each))
-        better, own = refined(candidates, whole[best], float(each[best]), without)
+        better, own, _ = candidates.refined(candidates.terms[best], without, least=RISE / 2.0)
+        yield max(odds, own), better
+    if (whole := candidates.whole(without)) is not None:
+        better, own, _ = candidates.refined(whole, without, least=RISE / 2.0)
         yield own - PRESENT * (len(better.parts) - 1), better
 
 
 def parts_of(terms: Sequence[Term]) -> tuple[Term, ...]:
-    """The terms, with the components of whole displacements in the place of these."""
+    """The terms, with the parts of causes in several places in the place of these."""
     return tuple(part for term in terms for part in term.parts or (term,))
-
-
-def refined(
-    candidates: Candidates, term: Term, odds: float, without: Sequence[int], members: Sequence[Term] = ()
-) -> tuple[Term, float]:
-    """The likeliest member of a family beside a term, and its log odds, if it is clearly likelier; members: first."""
-    for _ in range(REFINED):
-        members = [*members, *([] if term.finer is None else term.finer())]
-        found = candidates.exact(members, without)
-        if not members or found.max() <= odds + RISE / 2.0:
-            break
-        best = int(np.argmax(found))
-        term, odds, members = members[best], float(found[best]), ()
-    return term, odds
 
 
 def _parts(candidates: Candidates, number: int) -> tuple[list[Term], float]:

@@ -5,7 +5,7 @@ They are sums of products of Legendre polynomials of some variables, whose coeff
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from itertools import combinations
 from typing import NamedTuple
@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.diagnosis.library.causes import WARMER
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.term import Term
+from calibration.gaussian_terms.term import Along, Term
 from kinematics.basis import Interval, Legendre
 from kinematics.effects import Unnamed
 from kinematics.effects.base import UM
@@ -81,7 +81,7 @@ def smooth(observations: Observations) -> Iterator[Term]:
                 shapes.append(tuple(LONG if name == TIME else SHORT for name in chosen))
             for shape in shapes:
                 form = products(shape, tuple(name not in axes for name in chosen))
-                yield from _along_tool(observations, [variables[name] for name in chosen], form)
+                yield from _of_tool(observations, [variables[name] for name in chosen], form)
 
 
 @cache
@@ -160,30 +160,27 @@ def share_of_time(observations: Observations) -> Array:
     return np.asarray((time - time.min()) / np.ptp(time))
 
 
-def tool_directions(observations: Observations) -> Iterator[tuple[str, Array]]:
-    """Directions of the tool, and change `(n, d)` of the observations, mm per mm, where they show one."""
+def along_tool(observations: Observations, letter: str, functions: Callable[[], Array]) -> Along:
+    """Columns of functions that displace the tool in one of its directions."""
+    return observations.along(6 * len(observations.measurement.machine.axes) + "XYZ".index(letter), functions)
+
+
+def tool_directions(observations: Observations) -> list[str]:
+    """Directions of the tool that the observations show."""
     first = 6 * len(observations.measurement.machine.axes)
-    for k, letter in enumerate("XYZ"):
-        arm = observations.transform[:, :, first + k]
-        if arm.any():
-            yield letter, arm
+    return [letter for k, letter in enumerate("XYZ") if observations.transform[:, :, first + k].any()]
 
 
-def displaced(arm: Array, functions: Array, size: float) -> Array:
-    """Columns `(n, d, m)` of functions `(n, m)` times a size along an arm `(n, d)`."""
-    return np.asarray(arm[:, :, None] * (size * functions)[:, None, :])
-
-
-def _along_tool(observations: Observations, variables: Sequence[Variable], products: Products) -> Iterator[Term]:
+def _of_tool(observations: Observations, variables: Sequence[Variable], products: Products) -> Iterator[Term]:
     names = tuple(each.name for each in variables)
     parameters = np.diag(TYPICAL * products.heights)
     columns = [each.columns for each in variables]
-    for letter, arm in tool_directions(observations):
+    for letter in tool_directions(observations):
         yield Term(
             f"function of {', '.join(names)} along {letter}",
             "smooth",
             ("smooth", names, letter),
-            partial(_product_columns, arm, products, columns),
+            along_tool(observations, letter, partial(_sized, products, columns)),
             len(products.degrees),
             (unnamed(letter, variables, products),),
             parameters,
@@ -203,8 +200,8 @@ def unnamed(letter: str, variables: Sequence[Variable], products: Products) -> U
     )
 
 
-def _product_columns(arm: Array, products: Products, columns: Sequence[Array]) -> Array:
-    return displaced(arm, products.of(columns), TYPICAL * UM)
+def _sized(products: Products, columns: Sequence[Array]) -> Array:
+    return TYPICAL * UM * products.of(columns)
 
 
 def of_readings(observations: Observations) -> Iterator[Term]:
@@ -234,7 +231,7 @@ def of_readings(observations: Observations) -> Iterator[Term]:
                     f"error of {name} by {', '.join(chosen)}",
                     "smooth",
                     ("reading", chosen, name),
-                    partial(_product_columns, arm, products(shape), columns),
+                    Along(name, arm, partial(_sized, products(shape), columns)),
                     len(products(shape).degrees),
                     where=name,
                     variables=chosen,

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from calibration.diagnosis.forms import plain
-from calibration.diagnosis.nameless import own_arm
 from calibration.diagnosis.prior_odds import odds_of_kind, with_log_prior
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Structure
@@ -79,19 +79,18 @@ def waves_of_motions(structure: Structure) -> list[Term]:
 
 def beside_waves(structure: Structure) -> Array:
     """Whitened residual `(N,)` of a structure without its finer error motions."""
-    geometry, mean = structure.data.geometry, structure.posterior.mean.copy()
-    mean[: geometry.width][geometry.wavy[geometry.bands]] = 0.0
-    return np.asarray(structure.equations.residual - structure.equations.times(mean))
+    geometry, kept = structure.data.geometry, np.ones(len(structure.sizes), bool)
+    kept[: geometry.width] = ~geometry.wavy[geometry.bands]
+    return np.asarray(structure.equations.residual - structure.explained(kept))
 
 
 def _left(structure: Structure, without: Collection[int]) -> Array:
     """Whitened residual `(n d,)` of a structure without the terms of some numbers; nothing else is fitted again."""
-    equations, mean = structure.equations, structure.posterior.mean.copy()
+    kept = np.ones(len(structure.sizes), bool)
     for number in without:
-        first = len(structure.data.geometry.bands) + sum(term.width for term in structure.terms[:number])
-        mean[first : first + structure.terms[number].width] = 0.0
+        kept[structure.columns_of(number)] = False
     observations = structure.data.observations
-    return np.asarray(equations.residual - equations.times(mean))[: observations.residual.size]
+    return np.asarray(structure.equations.residual - structure.explained(kept))[: observations.residual.size]
 
 
 def _one_more(family: Hashable, known: Collection[Hashable]) -> Hashable | None:
@@ -138,7 +137,8 @@ class Scan:
         measurement = observations.measurement
         low, high = measurement.moving[axis]
         turns = np.arange(FEWEST_TURNS, (high - low) / shortest_period(measurement, axis), STEP)
-        arm = structure.whitener.rows(own_arm(observations, axis)[:, :, None] * unit_of(axis)[1])[:, 0]
+        arm = observations.transform[:, :, observations.own_arm(axis)] * unit_of(axis)[1]
+        arm = structure.whitener.rows(arm[:, :, None])[:, 0]
         position = measurement.state.position(measurement.machine, axis)
         positions, number = np.unique(position, return_inverse=True)
         rows = len(observations), observations.components
@@ -161,7 +161,7 @@ class Scan:
 
     def waves(self) -> Iterator[Term]:
         """Waves near the likeliest periods."""
-        for turns in self._proposed_turns():
+        for turns in self._proposed_turns:
             scanned = MEMBERS * len(self.turns)
             yield self._with_odds(self._wave(turns, STEP / MEMBERS, 1), scanned / self._of_other_periods)
 
@@ -181,7 +181,7 @@ class Scan:
     def sawteeth(self) -> Iterator[Term]:
         """Sawteeth near the likeliest periods, each at its likeliest offset."""
         shares = np.arange(OFFSETS) / OFFSETS
-        for turns in self._proposed_turns():
+        for turns in self._proposed_turns:
             best = float(shares[np.argmax(self._gains_of_teeth(turns, shares))])
             yield self._with_odds(
                 self._teeth(turns, best, STEP / MEMBERS, 1.0 / OFFSETS), MEMBERS * len(self.turns) * OFFSETS
@@ -218,6 +218,7 @@ class Scan:
         odds = odds_of_kind(term, self.observations.priors) / (axes * members)
         return with_log_prior(term, float(np.log(odds)))
 
+    @cached_property
     def _proposed_turns(self) -> list[float]:
         """Periods over the travel near the likeliest ones, between the neighbours in the scan; none of a short axis."""
         if not len(self.turns):

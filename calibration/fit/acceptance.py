@@ -63,6 +63,18 @@ class Judged:
         return not self.reason
 
 
+def undetermined(found: Fit, identified: Identifiability) -> str:
+    """Reason against few observations that determine only a combination of effects, without a full stop; else empty.
+
+    How much of it belongs to which effect, only the priors say, and these are wide. An effect that the data do not show
+    at all, or a shape of one, has the value zero and corrects nothing.
+    """
+    mixed = next((each for each in identified.unidentifiable if len(each.effects) > 1), None)
+    if mixed is None or not found.measurement.instrument.MAY_BE_FEW:
+        return ""
+    return f"the rows do not show which of these errors the machine has. {mixed}. No calibration is written"
+
+
 def refuse_few(fits: Sequence[Fit], identified: Identifiability) -> None:
     """UserError with the reason of `too_few`."""
     reason = too_few(fits, identified)
@@ -93,7 +105,8 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
         return ""
     if checked and (known >= unknown or components == 1):
         return ""
-    advice = "repeat the runs, or measure more positions"
+    enough = math.ceil((registered + identified.parameters - identified.by_convention) / (1.0 - SPARE))
+    advice = f"repeat the runs or measure more positions ({enough} rows are enough for these), or fit a smaller basis"
     if components > 1:
         positions = math.ceil(max(unknown, determined) / (1.0 - SPARE) / components)
         advice = f"measure about {positions} positions or more, spread over the travel, or fit a smaller basis"
@@ -135,19 +148,13 @@ def disagreement(found: Fit) -> str:
     )
 
 
-def nominal_residuals(found: Fit, less: Array | None = None) -> Array:
+def nominal_residuals(found: Fit) -> Array:
     """Residuals `(kept, d)`, mm and rad, of the nominal machine in the kept rows, with a registration of its own.
 
     The registration is that of the instrument's specification: estimated noise describes what the model found leaves,
-    and would register another model by it. Effects of the instrument are fitted as in the model found. less: values
-    `(n, d)`, mm and rad, of all rows, of which the observations are freed.
+    and would register another model by it. Effects of the instrument are fitted as in the model found.
     """
-    return fit(replace(freed(found, less), noise=None), uncorrected(found.model)).residual
-
-
-def freed(found: Fit, less: Array | None) -> Measurement:
-    """The kept rows of a fit, their observations less values `(n, d)`, mm and rad, of all rows; None for none."""
-    return found.good if less is None else replace(found.good, observed=found.good.observed - less[found.kept])
+    return fit(replace(found.good, noise=None), uncorrected(found.model)).residual
 
 
 def refuse_worse(found: Fit, before: Array, held_out: CrossValidation | None) -> None:

@@ -17,6 +17,7 @@ from calibration.fit.acceptance import (
     refuse_few,
     relative_deviations,
     significant_share,
+    undetermined,
 )
 from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
@@ -36,7 +37,6 @@ from calibration.fit.set_up.target_positions import TargetPosition, at_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import with_effects
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import usable
@@ -135,12 +135,11 @@ def calibrate(
     steps = 3 if hold_out else 2
     wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
     drift = with_bases_noise_and_drift(at_positions(measurement, positions), wanted)
-    choice, found = drift.choice, drift.fit
+    found = drift.fit
     numbered(progress, 2, steps)("identifiability")
     identified = identifiability(found)
     refuse_few([found], identified)
-    both = replace(wanted, effects=(*wanted.effects, *drift.effects))
-    held_out = _held_out(found, choice, both, numbered(progress, steps, steps)) if hold_out else None
+    held_out = _held_out(found, variance, numbered(progress, steps, steps)) if hold_out else None
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
@@ -148,7 +147,7 @@ def calibrate(
     result = Calibration(
         fit=found,
         model=written,
-        choice=choice,
+        choice=drift.choice,
         identifiability=identified,
         before_rms_um=before_rms_um,
         before_max_um=before_max_um,
@@ -159,7 +158,7 @@ def calibrate(
         findings=(*findings, *_findings(drift, too_many, waves, chosen=wanted.automatic)),
         targets=tuple(positions),
         relative_deviation=relative_deviations(written, found.good),
-        objection=too_many or reason_against(found, before, held_out),
+        objection=too_many or reason_against(found, before, held_out) or undetermined(found, identified),
         forced=force,
     )
     if not result.accepted:
@@ -213,12 +212,11 @@ def _findings(drift: Drift, too_many: str, waves: OmittedWaves | None, *, chosen
     ]
 
 
-def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) -> CrossValidation | None:
-    """The cross-validation of a fit."""
+def _held_out(found: Fit, variance: Variance, progress: Progress) -> CrossValidation | None:
+    """The cross-validation of a fit; variance: as it was asked for, before the noise was estimated."""
     progress("held-out residuals")
-    start, _ = with_effects(found.measurement, choice.bases, wanted.effects, *choice.scales)
-    variance = wanted.variance if found.measurement.noise is None else "sheet"
-    return cross_validate(found.good, start, found.prior, variance, found, progress)
+    variance = variance if found.measurement.noise is None else "sheet"
+    return cross_validate(found.good, found.start, found.prior, variance, found, progress)
 
 
 def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:

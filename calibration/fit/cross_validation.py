@@ -323,7 +323,7 @@ def diagonals(measurement: Measurement) -> np.ndarray | None:
 
 
 def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:
-    """True `(n,)` for rows whose set-up, and target of unknown position, have enough rows among the `others`.
+    """True `(n,)` for rows whose set-up, zero, and target of unknown position have enough rows among the `others`.
 
     The zero of a run of an interferometer may also come from its own rows, where it has OWN_ZERO or more.
     """
@@ -332,7 +332,9 @@ def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:
         _, number = np.unique(measurement.groups, return_inverse=True)
         return np.asarray((np.bincount(number, others)[number] >= 1) | (np.bincount(number)[number] >= OWN_ZERO))
     known = np.array([target.known for target in measurement.targets.values()])
-    for labels, needed in ((measurement.groups, True), (measurement.target_number, ~known[measurement.target_number])):
+    zeros = measurement.instrument.zero_names(measurement)
+    unknown = ~known[measurement.target_number]
+    for labels, needed in ((measurement.groups, True), (zeros, True), (measurement.target_number, unknown)):
         _, number = np.unique(labels, return_inverse=True)
         predicted &= (np.bincount(number, others)[number] >= POSE) | ~np.asarray(needed)
     return predicted

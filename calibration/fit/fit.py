@@ -59,6 +59,8 @@ class Fit:
 
     measurement: Measurement
     """The measurement that was fitted."""
+    start: ErrorModel
+    """The model before the fit, about which its priors are."""
     model: ErrorModel
     """The model with fitted parameters, their standard uncertainties and their covariance."""
     registration: Registration
@@ -204,10 +206,10 @@ def fit(
     progress("iterating")
     first, least = _converged(problem, variance, near)
     progress("solving")
-    solution, kept, left_out = _of_all_rows(problem, first, least, variance)
-    point, factor, solved = solution
+    (point, factor, solved), kept, left_out = _of_all_rows(problem, first, least, variance)
     found = Fit(
         measurement,
+        model,
         problem.at(point.parameters),
         point.registration,
         point.residual,
@@ -266,6 +268,8 @@ def _of_all_rows(
         left_out = again._replace(suspected=left_out.suspected) if stay else again
         if np.array_equal(left_out.rows, ~kept):
             break
+    if variance == "estimate":  # the covariance belongs to the factor that these rows show
+        solved = problem.solve(point, weights, factor)
     return _Solution(point, factor, solved), kept, left_out
 
 

@@ -156,7 +156,12 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
         return ON_TABLE
     if measurement.across is not None and not any(effect.angular for effect in effects):
         return UNLIKE_LINES
-    remedies = {"offset": _remedy_of_probe, "distance": _remedy_of_ballbar, "length": _remedy_of_lengths}
+    remedies = {
+        "offset": _remedy_of_probe,
+        "distance": _remedy_of_ballbar,
+        "range": _remedy_of_ranges,
+        "length": _remedy_of_lengths,
+    }
     own = remedies.get(measurement.instrument.OBSERVES)
     if own is not None:
         return own(measurement, effects)
@@ -188,6 +193,17 @@ def _remedy_of_ballbar(measurement: Measurement, effects: Sequence[Effect]) -> s
     if any(effect.angular for effect in effects):
         return "circles with a tool ball of another length, or at other positions of the table ball, would show it"
     return "circles of another radius, or at other positions of the table ball, would show some of it"
+
+
+def _remedy_of_ranges(measurement: Measurement, effects: Sequence[Effect]) -> str:
+    """The stations or targets that would determine the effects for ranges."""
+    missing = 3 - len(np.unique(measurement.groups))
+    if missing > 0:
+        stations = "one more station" if missing == 1 else f"{missing} more stations"
+        return f"ranges from {stations} in other directions would show it: a station sees errors along its beams only"
+    if any(effect.angular for effect in effects):
+        return "three targets on the tool, not in one line, would show it"
+    return INDEPENDENT
 
 
 def _remedy_of_lengths(measurement: Measurement, effects: Sequence[Effect]) -> str:  # noqa: ARG001

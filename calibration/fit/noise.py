@@ -54,46 +54,23 @@ TYPICAL = 10.0
 """Unit of the standard deviations in the iteration, um or urad."""
 
 
-class WithNoise(NamedTuple):
-    """A fit, and its measurement with the noise that its residuals show, or as specified if they agree with it."""
-
-    fit: Fit
-    whole: Measurement
-    """With misfit: errors that the model lacks, as far as a variance of each axis describes them. Readings of an
-    interferometer are not divided into instrument and axis."""
-    of_visits: Measurement
-    """Without misfit: where positions recur, the noise is at most the scatter of their visits. For the search for
-    errors that the model lacks; `EstimatedNoise.misfit` names the remaining axes."""
-    variances: Array | None = None
-    """Likeliest variances `(1 + axes,)` of the instrument and the moving axes; None where they are as specified."""
-
-    @classmethod
-    def of(cls, found: Fit, near: WithNoise | None = None) -> WithNoise:
-        """The measurement of a fit with its noise; near: that of a similar fit, at which the estimate begins."""
-        whole, of_visits, variances = _estimated(found, None if near is None else near.variances) or (None, None, None)
-        measurement = found.measurement
-        return cls(found, replace(measurement, noise=whole), replace(measurement, noise=of_visits), variances)
-
-
 def with_estimated_noise(found: Fit) -> Measurement:
-    """The measurement of a fit with the noise that its residuals show, as `WithNoise.whole`."""
-    return WithNoise.of(found).whole
+    """The measurement of a fit with the noise that its residuals show, or as specified if they agree with it.
 
-
-def _estimated(found: Fit, near: Array | None) -> tuple[EstimatedNoise, EstimatedNoise, Array] | None:
-    """The noise that the residuals show, with misfit and without, and its variances; None where it is as specified.
-
-    near: variances `(1 + axes,)` at which the estimate begins.
+    The noise contains errors that the model lacks, as far as a variance of each axis describes them. Readings of an
+    interferometer are not divided into instrument and axis.
     """
+    return replace(found.measurement, noise=_estimated(found))
+
+
+def _estimated(found: Fit) -> EstimatedNoise | None:
+    """The noise that the residuals show; None where it is as specified."""
     measurement = replace(found.measurement, noise=None)
     axes = list(measurement.moving)
     if measurement.components == 1 or measurement.across is not None or not axes:
         return None
     every = _Components.of(found, measurement, axes)
-    if near is None:
-        good, start = every.agreeing(None), np.append(1.0, np.full(len(axes), START))
-    else:
-        good, start = every.agreeing(_Estimate(float(near[0]), near[1:])), np.maximum(near, NOTHING)
+    good, start = every.agreeing(None), np.append(1.0, np.full(len(axes), START))
     for _ in range(ROUNDS):
         likeliest = None if _as_specified(every.rows(good)) else _estimate(every.rows(good), start)
         if likeliest is None or likeliest.estimate is None:
@@ -104,19 +81,20 @@ def _estimated(found: Fit, near: Array | None) -> tuple[EstimatedNoise, Estimate
             break
     visits = every.rows(good).repeated(estimate)
     units = TYPICAL * np.array([unit_of(axis)[1] for axis in axes])
-    arms = _arms(found, measurement, axes)
 
     def sizes(variances: Array) -> dict[str, float]:
         return {axes[k]: float(np.sqrt(variances[k]) * units[k]) for k in np.flatnonzero(variances).tolist()}
 
-    def noise(of: _Estimate) -> EstimatedNoise:
-        kept = np.flatnonzero(of.of_axes)
-        own = arms[:, :, kept] * np.sqrt(of.of_axes[kept])
-        misfit = sizes(estimate.of_axes - visits.of_axes)
-        shown, repeating = visits.factor, sizes(visits.of_axes)
-        return EstimatedNoise(of.factor, repeating, measurement.stops, own, misfit, shown, every.rows(good).revisited)
-
-    return noise(estimate), noise(visits), start
+    kept = np.flatnonzero(estimate.of_axes)
+    return EstimatedNoise(
+        estimate.factor,
+        sizes(visits.of_axes),
+        measurement.stops,
+        _arms(found, measurement, axes)[:, :, kept] * np.sqrt(estimate.of_axes[kept]),
+        sizes(estimate.of_axes - visits.of_axes),
+        visits.factor,
+        every.rows(good).revisited,
+    )
 
 
 class _Estimate(NamedTuple):
@@ -338,13 +316,11 @@ class _Components:
         transform = some.instrument.transform(some, found.registration)
         model = Design(found.model.effects, some.machine, measurement.state, with_instrument=True).of(rows, transform)
         finite = np.isfinite(found.prior)
-        model = model * np.where(finite, found.prior, 1.0) if found.prior.ndim == 1 else model @ found.prior
-        limits = finite.astype(float) if found.prior.ndim == 1 else np.ones(model.shape[2])
         return cls(
             some,
             found.residual[rows],
-            np.concatenate([own, model], axis=2),
-            np.concatenate([np.full(own.shape[2], RIDGE), limits + RIDGE]),
+            np.concatenate([own, model * np.where(finite, found.prior, 1.0)], axis=2),
+            np.concatenate([np.full(own.shape[2], RIDGE), finite + RIDGE]),
             np.concatenate([np.zeros(own.shape[2]), found.away]),
             axes,
             _arms(found, some, axes),

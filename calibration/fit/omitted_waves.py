@@ -122,12 +122,10 @@ class OmittedWaves:
 
 
 def omitted_waves(found: Fit, *, chosen: bool) -> OmittedWaves | None:
-    """The waves that a fit leaves out; None without a rotary axis, and beside a calibration that is prior knowledge.
+    """The waves that a fit leaves out; None without a rotary axis.
 
     chosen: as of `left_out`.
     """
-    if found.prior.ndim > 1:
-        return None
     model, prior, own = left_out(found.model, found.prior, [found.measurement], chosen=chosen)
     if not own.any():
         return None

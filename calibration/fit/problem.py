@@ -204,14 +204,12 @@ class Problem:
         weights: Array,
         factor: float,
         derivatives: Derivatives | None = None,
-        decorrelation: Decorrelation | None = None,
     ) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; the instrument's variances times `factor`.
 
-        derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None. decorrelation:
-        the one of the weights.
+        derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None.
         """
-        normal = self._assembled(point, weights, factor, derivatives, decorrelation)
+        normal = self._assembled(point, weights, factor, derivatives)
         normal.add_stated(self.measurement, point.registration)
         return self.solution(normal, point)
 
@@ -258,11 +256,10 @@ class Problem:
         weights: Array,
         factor: float,
         derivatives: Derivatives | None,
-        decorrelation: Decorrelation | None = None,
     ) -> NormalEquations:
         """The normal equations of the rows, without the stated values of the registration; arguments as in `solve`."""
         root = np.sqrt(weights / factor)
-        decorrelation = decorrelation or self.decorrelation(weights)
+        decorrelation = self.decorrelation(weights)
         residual = decorrelation.apply(self.whitened(point.residual) * root[:, None])
         white = self.white * root[:, None, None]
         if derivatives is None:

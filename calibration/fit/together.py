@@ -39,7 +39,7 @@ from calibration.fit.set_up.rows_and_noise import noise_findings, outlier_findin
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import least_priors, priors, with_effects
+from calibration.observation.full_model import least_priors, priors
 from calibration.observation.mean_lines import arms_of, centred
 from calibration.observation.outliers import Variance
 from calibration.plausibility.finding import Finding
@@ -162,7 +162,7 @@ def calibrate_together(
         step(f"fitting {measurement.source} alone")
         wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, step)
         singles.append(_Single.of(measurement, wanted, force=force))
-    model = _model(machine, [single.start for single in singles], _arms(measurements))
+    model = _model(machine, [single.fit.start for single in singles], _arms(measurements))
     prior = _prior(model, singles, measurements)
     numbered(progress, steps - 1, steps)("fitting all measurements together")
     joint = _Joint.fitted([_Share.of(single.fit, model, prior) for single in singles], model, prior)
@@ -188,8 +188,6 @@ class _Single:
     """The fit of one measurement alone."""
 
     fit: Fit
-    start: ErrorModel
-    """The model of this fit before it."""
     choice: Choice
     findings: tuple[Finding, ...]
     """Anomalies of the data, each with the name of the file."""
@@ -199,7 +197,6 @@ class _Single:
         """The fit of a measurement alone; UserError as by `checked`."""
         findings, positions = checked(measurement, force=force)
         choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
-        start, _ = with_effects(own.measurement, choice.bases, wanted.effects, *choice.scales)
         findings += [
             *zero_findings(run_zeros(own)),
             *distance_findings(own),
@@ -207,7 +204,7 @@ class _Single:
             *noise_findings(own),
         ]
         named = (each._replace(message=f"{measurement.source}: {each.message}") for each in findings)
-        return cls(own, start, choice, (*named, *outlier_findings(own)))
+        return cls(own, choice, (*named, *outlier_findings(own)))
 
 
 def _prior(model: ErrorModel, singles: Sequence[_Single], measurements: Sequence[Measurement]) -> Array:

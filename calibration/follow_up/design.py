@@ -69,8 +69,9 @@ class Data:
 
     @cached_property
     def set_up(self) -> str | None:
-        """Name of the tracker's next set-up; None for other instruments."""
-        return unused(list(self.registration.poses)) if self.measurement.instrument.components == 3 else None
+        """Name of the next set-up of an instrument with stations or spheres; None for others."""
+        instrument = self.measurement.instrument
+        return unused(list(self.registration.poses)) if instrument.components == 3 or instrument.STATIONED else None
 
     @cached_property
     def registered_again(self) -> Registration:
@@ -165,8 +166,12 @@ class Data:
             done = replace(measurement, observed=np.zeros((n, 1)))
         else:
             points = registration.points(measurement)
-            observed = registration.apply(measurement, points)
-            done = replace(measurement, observed=observed, state=replace(measurement.state, observed=observed))
+            seen = registration.apply(measurement, points)
+            done = replace(measurement, observed=seen, state=replace(measurement.state, observed=seen))
+            if measurement.instrument.components == 1:
+                names = np.unique(measurement.instrument.zero_names(done)).tolist()
+                registration = replace(registration, zeros=dict.fromkeys(names, 0.0) | dict(registration.zeros))
+                done = replace(done, observed=np.linalg.norm(seen, axis=1, keepdims=True))
         time = measurement.state.time
         seconds = n * self.step_s if time is None or not self.in_motion else float(np.ptp(time)) + self.step_s
         return FollowUpDesign(name, does, pause_min + seconds / 60.0, done, registration)

@@ -68,11 +68,26 @@ def _once_more(data: Data) -> Iterator[FollowUpDesign]:
         plan = data.plan("shuffled", f"measure {positions} once more {order}", data.following(shuffled))
         yield plan._replace(again=shuffled)
     if state.time is not None and not data.in_motion:
-        clock = data.clock(index)
-        again = {name: _course(clock, state.time, kelvin) for name, kelvin in state.temperatures.items()}
-        cold = data.following(shuffled, time=state.time.min() + clock, temperatures=again, past=None)
-        does = f"let the machine cool down, start it as before, and measure {positions} in shuffled order"
-        yield data.plan("cold start", does, cold)._replace(unknown=data.own_drift, again=shuffled)
+        yield from (plan._replace(again=shuffled) for plan in _after_cooling(data, state.time, shuffled))
+
+
+def _after_cooling(data: Data, time: Array, index: np.ndarray) -> Iterator[FollowUpDesign]:
+    """Rows of the data after a cold start, with their temperatures; then with one of several alone, up and down.
+
+    A temperature that only rises looks like the drift of a tracker that was set up again.
+    """
+    clock, cool, measure = data.clock(index), "let the machine cool down", f"measure {data.positions} in shuffled order"
+    warm = data.measurement.state.temperatures
+    again = {name: _course(clock, time, kelvin) for name, kelvin in warm.items()}
+    cold = data.following(index, time=time.min() + clock, temperatures=again, past=None)
+    start = f"{cool}, start it as before, and {measure}"
+    yield data.plan("cold start", start, cold)._replace(unknown=data.own_drift)
+    for name in warm if len(warm) > 1 else ():
+        kept = {other: np.full_like(kelvin, kelvin[0]) for other, kelvin in again.items()}
+        kept[name] = _course(np.minimum(clock, clock[-1] - clock), time, warm[name])
+        alone = replace(cold, state=replace(cold.state, temperatures=kept))
+        does = f"{cool}, and {measure}, while the place of the sensor {name} alone warms, and cools from half time on"
+        yield data.plan(f"{name} alone", does, alone)._replace(unknown=data.own_drift)
 
 
 def _course(clock: Array, time: Array, kelvin: Array) -> Array:

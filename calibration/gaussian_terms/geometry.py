@@ -103,7 +103,7 @@ class Bands:
         for _ in range(steps):
             of_columns, before = sizes[self.bands], sizes
             posterior = Posterior.of(equations, of_columns, 1.0)
-            determined = summed(self.bands, posterior.determined(of_columns), counted)
+            determined = summed(self.bands, posterior.determined, counted)
             squares = summed(self.bands, posterior.mean**2, counted)
             expected = np.maximum(self.expected_squares(sizes), priors.least_share**2)
             new = stepped(determined, squares, expected, np.full(counted, priors.band_weight))

@@ -46,5 +46,5 @@ def mean_errors(structure: Structure) -> ErrorModel:
 def _change(structure: Structure, observations: Observations) -> float:
     """RMS difference of other observations, in standard deviations of the noise, whatever the registration."""
     white = structure.whitener
-    change = replace(white, observations=observations).residual() - white.residual()
+    change = replace(white, observations=observations).residual - white.residual
     return float(np.sqrt(np.mean(change**2) / structure.noise.factor))

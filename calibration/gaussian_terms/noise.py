@@ -7,15 +7,14 @@ the expected second moments of the residuals, and Fisher steps.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from calibration.gaussian_terms.observations import Observations
-from kinematics.effects import COMPONENTS
-from kinematics.effects.base import own_component, unit_of
+from kinematics.effects.base import unit_of
 from kinematics.transforms import Array
 
 STEPS, HALVINGS = 6, 12
@@ -41,6 +40,12 @@ class Noise:
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     """True `(n,)` for outliers."""
 
+    @property
+    def whitening(self) -> Hashable:
+        """What the whitening depends on: noises that differ in the factor alone have the same one."""
+        repeats = ((axis, size**2 / self.factor) for axis, size in sorted(self.repeats.items()))
+        return self.left_out.tobytes(), *repeats
+
 
 class Stops(NamedTuple):
     """Stops of equally many rows m."""
@@ -52,10 +57,6 @@ class Stops(NamedTuple):
     arms: Mapping[str, Array]
     """Change of their observations `(stops, m d)`, mm or rad, by 1 um or urad of each axis."""
 
-    def times(self, matrices: Array, table: Array) -> Array:
-        """Matrices `(stops, m d, m d)` times the rows of the stops of a table `(n, d, k)`: `(stops, m d, k)`."""
-        return np.asarray(matrices @ table[self.rows].reshape(*matrices.shape[:2], -1))
-
 
 def stops_of(observations: Observations) -> list[Stops]:
     """The stops of observations, by their number of rows."""
@@ -63,7 +64,8 @@ def stops_of(observations: Observations) -> list[Stops]:
     stop = measurement.stops
     starts = np.flatnonzero(np.append(True, np.diff(stop) != 0))
     counts = np.diff(np.append(starts, len(stop)))
-    arms = {axis: _arm(observations, axis) for axis in measurement.moving}
+    transform = observations.transform
+    arms = {axis: transform[:, :, observations.own_arm(axis)] * unit_of(axis)[1] for axis in measurement.moving}
     found = []
     for m in np.unique(counts).tolist():
         rows = starts[counts == m][:, None] + np.arange(m)
@@ -73,12 +75,6 @@ def stops_of(observations: Observations) -> list[Stops]:
             specified[:, own, own] = observations.specified[rows[:, i]]
         found.append(Stops(rows, specified, {a: arm[rows].reshape(len(rows), m * d) for a, arm in arms.items()}))
     return found
-
-
-def _arm(observations: Observations, axis: str) -> Array:
-    """Change of the observations `(n, d)` by 1 um or urad of the positioning error of an axis."""
-    column = 6 * observations.measurement.machine.index(axis) + COMPONENTS.index(own_component(axis))
-    return np.asarray(observations.transform[:, :, column] * unit_of(axis)[1])
 
 
 def whiteners(stops: Sequence[Stops], noise: Noise) -> list[Array]:

@@ -6,17 +6,19 @@ errors of millimetres, of those of a chain of rotary axes, and of lengths.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.gaussian_terms.term import Along
 from calibration.measurement.measurement import Measurement
 from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
 from calibration.registration.registration import Registration
-from kinematics.effects import Effect
+from kinematics.effects import COMPONENTS, Effect
+from kinematics.effects.base import own_component
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.error_model.priors import Priors
@@ -103,6 +105,14 @@ class Observations:
     def components(self) -> int:
         """Number d of scalars in a row."""
         return int(self.residual.shape[1])
+
+    def own_arm(self, axis: str) -> int:
+        """Number of the positioning error of an axis among the errors of the transform."""
+        return 6 * self.measurement.machine.index(axis) + COMPONENTS.index(own_component(axis))
+
+    def along(self, number: int, functions: Callable[[], Array]) -> Along:
+        """Columns of functions of one error of the transform."""
+        return Along(number, self.transform[:, :, number], functions)
 
     def columns(self, effects: Sequence[Effect]) -> Array:
         """Derivatives `(n, d, k)` by the parameters of effects, one after the other."""

@@ -52,18 +52,14 @@ def _odds_inside(structure: Structure) -> Array:
 def shifts(structure: Structure, rows: np.ndarray) -> tuple[Array, Array]:
     """Difference `(k, d)`, mm and rad, of rows that are left out from what the others predict, and its covariance."""
     observations, white, posterior = structure.data.observations, structure.whitener, structure.posterior
-    columns = np.concatenate([structure.data.geometry.columns, *(t.columns for t in structure.terms)], axis=2)
-    back = np.linalg.pinv(np.concatenate([white.rows(observations.registration), observations.stated]))[
-        :, : observations.residual.size
-    ]
-    placed = back @ white.rows(observations.residual[:, :, None])
-    moved = back @ white.rows(columns)
-    own = columns[rows] - observations.registration[rows] @ moved
+    rows_of = np.linalg.pinv(np.concatenate([white.rows(observations.registration), observations.stated])).T
+    placed = white.through(observations.residual[:, :, None], rows_of).T
+    moved = structure.through(rows_of).T
+    own = np.concatenate([part[rows] for part in structure.columns], axis=2) - observations.registration[rows] @ moved
     left = observations.residual[rows][:, :, None] - observations.registration[rows] @ placed
     left = left - own @ posterior.mean[:, None]
-    covariance = structure.noise.factor * observations.specified[rows] + own @ posterior.covariance @ np.swapaxes(
-        own, 1, 2
-    )
+    spread = (own * posterior.sizes) @ posterior.root.T
+    covariance = structure.noise.factor * observations.specified[rows] + spread @ np.swapaxes(spread, 1, 2)
     for stops in structure.data.stops:
         for axis, size in structure.noise.repeats.items():
             arms = stops.arms[axis].reshape(*stops.rows.shape, -1)

@@ -13,39 +13,24 @@ from kinematics.transforms import Array
 
 @dataclass(frozen=True)
 class Equations:
-    """Whitened columns that are present, and their products."""
+    """Products of the whitened columns that are present: what their posterior needs of them."""
 
-    parts: tuple[Array, ...]
-    """Columns `(N, ...)`, p together."""
     residual: Array
-    """`(N,)`"""
+    """Whitened observations `(N,)`."""
     gram: Array
     """`(p, p)`"""
     along: Array
-    """`(p,)`"""
+    """Products with the observations `(p,)`."""
 
     @classmethod
     def of(cls, design: Array, residual: Array) -> Equations:
         """The equations of whitened columns `(N, p)` and observations."""
-        return cls((design,), residual, design.T @ design, design.T @ residual)
+        return cls(residual, design.T @ design, design.T @ residual)
 
-    @cached_property
-    def design(self) -> Array:
-        """All columns `(N, p)`."""
-        return self.parts[0] if len(self.parts) == 1 else np.concatenate(self.parts, axis=1)
-
-    def beside(self, columns: Array) -> Equations:
-        """The equations with further whitened columns `(N, c)` behind these; products of these are not made again."""
-        across = np.concatenate([part.T @ columns for part in self.parts])
+    def beside(self, across: Array, columns: Array) -> Equations:
+        """The equations with further whitened columns `(N, c)`, whose products with these are across `(p, c)`."""
         gram = np.block([[self.gram, across], [across.T, columns.T @ columns]])
-        along = np.concatenate([self.along, columns.T @ self.residual])
-        return Equations((*self.parts, columns), self.residual, gram, along)
-
-    def times(self, coefficients: Array) -> Array:
-        """All columns times coefficients `(p,)` or `(p, k)`: `(N,)` or `(N, k)`; in the precision of these."""
-        ends = np.cumsum([part.shape[1] for part in self.parts])[:-1]
-        own = zip(self.parts, np.split(coefficients, ends), strict=True)
-        return np.asarray(sum(part.astype(each.dtype, copy=False) @ each for part, each in own))
+        return Equations(self.residual, gram, np.concatenate([self.along, columns.T @ self.residual]))
 
 
 @dataclass(frozen=True)
@@ -54,8 +39,10 @@ class Posterior:
 
     mean: Array
     """`(p,)`"""
-    covariance: Array
-    """`(p, p)`"""
+    sizes: Array
+    """Prior sizes `(p,)` of the columns."""
+    root: Array
+    """Triangular root R `(p, p)`: the covariance of the coefficients in their prior sizes is R' R."""
     misfit: float
     """Sum of squares of the whitened observations by the prior predictive covariance, factor included."""
     log_determinant: float
@@ -66,20 +53,26 @@ class Posterior:
         """The posterior for prior sizes `(p,)` of the columns, and a variance factor of the noise."""
         if not len(sizes):
             squares = float(equations.residual @ equations.residual)
-            return cls(np.zeros(0), np.zeros((0, 0)), squares / factor, 0.0)
+            return cls(np.zeros(0), sizes, np.zeros((0, 0)), squares / factor, 0.0)
         matrix = equations.gram * sizes[:, None] * sizes
         matrix[np.diag_indices_from(matrix)] += factor
-        low, failed = lapack.dpotrf(matrix, lower=True, overwrite_a=True)
+        upper, failed = lapack.dpotrf(matrix.T, lower=False, overwrite_a=True)
         if failed:
             raise np.linalg.LinAlgError("the columns have no finite products")
-        inverse, _ = lapack.dpotri(low, lower=True)
-        covariance = np.tril(inverse) + np.tril(inverse, -1).T
-        covariance *= factor * sizes[:, None] * sizes
-        mean = covariance @ equations.along / factor
-        misfit = float(equations.residual @ equations.residual - equations.along @ mean) / factor
-        determinant = 2.0 * float(np.log(np.diag(low)).sum()) - len(sizes) * float(np.log(factor))
-        return cls(mean, covariance, misfit, determinant)
+        determinant = 2.0 * float(np.log(np.diag(upper)).sum()) - len(sizes) * float(np.log(factor))
+        root = lapack.dtrtri(upper, lower=False, overwrite_c=True)[0].T
+        along = root @ (sizes * equations.along)
+        mean = sizes * (along @ root)
+        misfit = float(equations.residual @ equations.residual - along @ along) / factor
+        root *= np.sqrt(factor)
+        return cls(mean, sizes, root, misfit, determinant)
 
-    def determined(self, sizes: Array) -> Array:
+    @cached_property
+    def covariance(self) -> Array:
+        """`(p, p)`"""
+        return np.asarray(self.root.T @ self.root * self.sizes[:, None] * self.sizes)
+
+    @cached_property
+    def determined(self) -> Array:
         """Share `(p,)` of each coefficient that the data determine: 0 where it stays at its prior."""
-        return np.asarray(1.0 - np.diag(self.covariance) / sizes**2)
+        return np.asarray(1.0 - np.einsum("ij,ij->j", self.root, self.root))

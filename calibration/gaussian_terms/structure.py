@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import blas
 
 from calibration.gaussian_terms.geometry import SETTLED, Geometry, geometry, stepped, summed
 from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, variances
@@ -24,14 +25,12 @@ from calibration.observation.outliers import first_registration
 from kinematics.error_model.priors import SIZES, Priors
 from kinematics.transforms import Array
 
-FIRST_STEPS, STEPS, LAST_STEPS = 30, 3, 4
-"""Steps of the sizes: before the noise is known, for each noise, and at the end."""
+STEPS, FURTHER_STEPS = 12, 4
+"""Most steps of the sizes: after a change of the terms, and of the noise."""
 ROUNDS = 8
 """Most rounds of sizes, noise and outliers."""
 SAME_FACTOR, SAME_REPEATS = 0.03, 0.1
 """Relative changes of the variance factor, and of the non-repeatability, below which the noise is found."""
-LEAST = 1e-3
-"""Variance that the posterior gives a direction of the observations, in that of the noise, above which it counts."""
 SMALLEST = 0.5
 """Non-repeatability, um or urad, whose relative change counts in full."""
 
@@ -86,19 +85,53 @@ class Structure:
 
     @cached_property
     def of_geometry(self) -> Equations:
-        """Whitened columns of the geometry."""
-        return Equations.of(self.whitener.columns(self.data.geometry.columns), self.whitener.residual())
+        """Products of the columns of the geometry."""
+        return self.whitener.equations(self.data.geometry.columns, self.registers)
 
     @cached_property
     def equations(self) -> Equations:
-        """Whitened columns of the geometry, then of each term."""
-        return self.of_geometry.beside(self.of_terms) if self.terms else self.of_geometry
+        """Products of the columns of the geometry, then of each term."""
+        if not self.terms:
+            return self.of_geometry
+        return self.of_geometry.beside(self.whitener.through(self.data.geometry.columns, self.of_terms), self.of_terms)
 
     @cached_property
     def of_terms(self) -> Array:
         """Whitened columns `(N, a)` of the terms, one after the other."""
         own = [self.whitener.columns(term.columns) for term in self.terms]
         return np.concatenate([np.zeros((len(self.whitener.spanned), 0)), *own], axis=1)
+
+    @property
+    def columns(self) -> list[Array]:
+        """Columns `(n, d, ...)` of the geometry, then of each term."""
+        return [self.data.geometry.columns, *(term.columns for term in self.terms)]
+
+    @property
+    def whitened(self) -> Array:
+        """The whitened columns `(N, p)`."""
+        return np.concatenate([self.whitener.columns(table) for table in self.columns], axis=1)
+
+    @cached_property
+    def registers(self) -> Array:
+        """Products `(r, p)` of the directions of the registration with the whitened columns of the geometry."""
+        return self.whitener.registers(self.data.geometry.columns)
+
+    def explained(self, columns: np.ndarray | slice = slice(None)) -> Array:
+        """What some columns explain of the whitened observations, by the mean of the posterior: `(N,)`."""
+        coefficients = np.zeros(len(self.sizes))
+        coefficients[columns] = self.posterior.mean[columns]
+        ends = np.cumsum([table.shape[2] for table in self.columns])[:-1]
+        pairs = zip(self.columns, np.split(coefficients, ends), strict=True)
+        return self.whitener.columns(sum(table @ own for table, own in pairs)[:, :, None])[:, 0]  # type: ignore[index]
+
+    def through(self, columns: Array) -> Array:
+        """Products `(p, c)` of the columns that are present with others, whitened `(N, c)`."""
+        return np.concatenate([self.whitener.through(table, columns) for table in self.columns])
+
+    def by_term(self, rows: Array) -> dict[Term, Array]:
+        """Rows `(a, ...)` of the columns of the terms, by these."""
+        ends = np.cumsum([term.width for term in self.terms])[:-1]
+        return dict(zip(self.terms, np.split(rows, ends), strict=True)) if self.terms else {}
 
     @cached_property
     def posterior(self) -> Posterior:
@@ -113,10 +146,10 @@ class Structure:
         mean is larger than its likeliest value.
         """
         bands = len(self.band_sizes)
-        determined = summed(self.groups, self.posterior.determined(self.sizes), bands)[:bands]
+        determined = summed(self.groups, self.posterior.determined, bands)[:bands]
         larger = self.data.geometry.wider(determined, self.priors)
         wider = self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
-        return replace(self.posterior, covariance=wider.posterior.covariance)
+        return replace(wider.posterior, mean=self.posterior.mean)
 
     @property
     def groups(self) -> np.ndarray:
@@ -124,6 +157,10 @@ class Structure:
         bands = len(self.band_sizes)
         own = [np.full(term.width, bands + i) for i, term in enumerate(self.terms)]
         return np.asarray(np.concatenate([self.data.geometry.bands, *own]).astype(int))
+
+    def columns_of(self, number: int) -> np.ndarray:
+        """Numbers of the columns of one of the terms."""
+        return np.flatnonzero(self.groups == len(self.band_sizes) + number)
 
     @property
     def sizes(self) -> Array:
@@ -160,7 +197,7 @@ class Structure:
         """
         if not self.terms:
             return 0.0
-        determined = np.bincount(self.groups, self.posterior.determined(self.sizes))[len(self.band_sizes) :]
+        determined = np.bincount(self.groups, self.posterior.determined)[len(self.band_sizes) :]
         width = np.sqrt(np.pi / np.maximum(determined, 0.5)) / np.log(SIZES[-1] / SIZES[0])
         return float(np.log(np.minimum(width, 1.0)).sum())
 
@@ -176,24 +213,24 @@ class Structure:
         sizes = tuple(known.get(id(term), 1.0) for term in terms)
         return self._of_same_whitening(replace(self, terms=tuple(terms), term_sizes=sizes))
 
-    def fitted(self, steps: int = FIRST_STEPS) -> Structure:
-        """The structure with the likeliest sizes, noise and outliers; steps: of the sizes before the first noise."""
-        found = self
-        for turn in range(ROUNDS):
-            found = found.with_sizes(steps if turn == 0 else STEPS)
-            before, found = found, found.with_noise()
-            if _settled(before.noise, found.noise):
+    def fitted(self) -> Structure:
+        """The structure with the likeliest sizes, noise and outliers."""
+        found = self.with_sizes()
+        for _ in range(ROUNDS):
+            before = found.noise
+            found = found.with_noise().with_sizes(FURTHER_STEPS)
+            if _settled(before, found.noise):
                 break
-        return found.with_sizes(LAST_STEPS)
+        return found
 
-    def with_sizes(self, steps: int) -> Structure:
+    def with_sizes(self, steps: int = STEPS) -> Structure:
         """The structure with likelier sizes, after at most so many steps."""
         found, groups, counted = self, self.groups, len(self.band_sizes) + len(self.terms)
         weight = np.repeat([self.priors.band_weight, self.priors.term_weight], [len(self.band_sizes), len(self.terms)])
         fixed = np.append(self.data.geometry.fixed, np.zeros(len(self.terms), bool))
         for _ in range(steps):
             posterior, before = found.posterior, np.concatenate([found.band_sizes, found.term_sizes])
-            determined = summed(groups, posterior.determined(found.sizes), counted)
+            determined = summed(groups, posterior.determined, counted)
             squares = summed(groups, posterior.mean**2, counted)
             new = np.where(fixed, before, stepped(determined, squares, found._expected_squares, weight))
             found = found.resized(new)
@@ -219,20 +256,26 @@ class Structure:
 
     @cached_property
     def uncertain(self) -> list[Array]:
-        """Covariances `(stops, m d, m d)` that the posterior gives the whitened rows of each stop.
-
-        In single precision, without directions that the data determine hardly better than their prior.
-        """
-        sizes = self.sizes / np.sqrt(self.noise.factor)
-        values, vectors = np.linalg.eigh(self.equations.gram * sizes[:, None] * sizes)
-        counted = values > LEAST
-        root = self.sizes[:, None] * vectors[:, counted] / np.sqrt(1.0 + values[counted])
-        return self.whitener.blocks(self.equations.times(root.astype(np.float32)))
+        """Covariances `(stops, m d, m d)` that the posterior gives the whitened rows of each stop; single precision."""
+        root, white = (self.posterior.root * self.sizes).astype(np.float32).T, self.whitener
+        of_terms = [white.registers(table) for table in self.columns[1:]]
+        spanned = np.concatenate([self.registers, *of_terms], axis=1, dtype=np.float32)
+        found = []
+        for pieces in white.by_stops:
+            own = []
+            for piece in pieces:
+                raw: Array = np.concatenate([table[piece.rows] for table in self.columns], axis=2).astype(np.float32)
+                rows = piece.white(raw) - white.spanned[piece.scalars].astype(np.float32) @ spanned
+                table = blas.strmm(1.0, root, rows.T, lower=0, trans_a=1, overwrite_b=1).T
+                table = table.reshape(*piece.matrices.shape[:2], -1)
+                own.append(table @ np.swapaxes(table, 1, 2))
+            found.append(np.concatenate(own).astype(float))
+        return found
 
     @cached_property
     def left(self) -> Array:
         """Whitened observations `(N,)` less the mean of the posterior."""
-        return np.asarray(self.equations.residual - self.equations.times(self.posterior.mean))
+        return self.equations.residual - self.explained()
 
     def resized(self, sizes: Array) -> Structure:
         """The structure with other sizes of bands and terms; nothing is whitened anew."""
@@ -247,7 +290,8 @@ class Structure:
 
     def _of_same_whitening(self, other: Structure) -> Structure:
         """A structure whose noise has the same whitening; the geometry is not whitened anew."""
-        other.__dict__["whitener"], other.__dict__["of_geometry"] = self.whitener, self.of_geometry
+        for name in ("whitener", "registers", "of_geometry"):
+            other.__dict__[name] = getattr(self, name)
         return other
 
     def _moments(self, axes: Sequence[str]) -> Iterator[Moments]:

@@ -6,8 +6,26 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from kinematics.effects import Effect
 from kinematics.transforms import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """Makes the columns of functions that act along one arm."""
+
+    name: Hashable
+    """Of the arm: its number among the errors of the machine, or the reading of the instrument."""
+    arm: Array
+    """Change of the observations `(n, d)`, mm or rad, by 1 mm or rad."""
+    functions: Callable[[], Array]
+    """Makes the functions `(n, width)`, mm or rad."""
+
+    def __call__(self) -> Array:
+        """The columns `(n, d, width)`."""
+        return np.asarray(self.arm[:, :, None] * self.functions()[:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +54,19 @@ class Term:
     finer: Callable[[], Sequence[Term]] | None = None
     """Members of its family between its neighbours: other time constants, moments, periods; None where it has none."""
     parts: tuple[Term, ...] = ()
-    """Terms that are present in its place: components of a displacement, which are found together; empty for most."""
+    """Terms that are present in its place: one cause in several places, found together; empty for most."""
 
     @cached_property
     def columns(self) -> Array:
         """`(n, d, width)`, in units of its prior sizes, mm and rad."""
         return self.make()
+
+    def values(self, coefficients: Array) -> Array:
+        """Parameters `(P,)` of its effects by its coefficients `(width,)`; nonlinear ones as they are."""
+        values = np.array([value for effect in self.effects for value in effect.parameters], float)
+        linear = np.array([each for effect in self.effects for each in effect.linear], bool)
+        values[linear] = 0.0 if self.parameters is None else self.parameters @ coefficients
+        return values
 
     @property
     def named(self) -> bool:

@@ -2,20 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
 from calibration.gaussian_terms.noise import Noise, Stops, whiteners
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.posterior import Equations
 from kinematics.transforms import Array
 
 RANK = 1e-9
 """Singular value of the registration, as a share of the largest one, below which a combination is not observed."""
-TOGETHER = 64
-"""Columns that are whitened together: several copies of them are made."""
+TOGETHER = 1000
+"""Scalars that are whitened together."""
+
+
+class Piece(NamedTuple):
+    """Some stops of equally many rows."""
+
+    rows: np.ndarray | slice
+    """Their rows."""
+    scalars: np.ndarray | slice
+    """Their scalars."""
+    matrices: Array
+    """Matrices `(stops, m d, m d)` that make them white; 0 for rows that are left out."""
+
+    @classmethod
+    def of(cls, rows: np.ndarray, d: int, matrices: Array) -> Piece:
+        """Some rows, of d scalars each."""
+        first, last = int(rows[0]), int(rows[-1]) + 1
+        if last - first == len(rows):
+            return cls(slice(first, last), slice(first * d, last * d), matrices)
+        return cls(rows, (rows[:, None] * d + np.arange(d)).ravel(), matrices)
+
+    @property
+    def precision(self) -> Array:
+        """Precisions `(stops, m d, m d)` of their scalars, in that of the noise."""
+        return np.asarray(np.swapaxes(self.matrices, 1, 2) @ self.matrices)
+
+    def white(self, rows: Array) -> Array:
+        """Whitened scalars `(k, c)` of these rows of a table `(k / d, d, c)`, in its precision."""
+        stops, size = self.matrices.shape[:2]
+        own = rows.reshape(stops, size, rows.shape[2])
+        return np.asarray(self.matrices.astype(rows.dtype, copy=False) @ own).reshape(stops * size, rows.shape[2])
+
+    def back(self, rows: Array) -> Array:
+        """Scalars `(k, c)` whose products with others are those of these rows `(k, c)` with the whitened others."""
+        own = rows.reshape(*self.matrices.shape[:2], -1)
+        return np.asarray(np.swapaxes(self.matrices, 1, 2) @ own).reshape(rows.shape)
 
 
 @dataclass(frozen=True)
@@ -61,14 +99,32 @@ class Whitener:
         rows = self.observations.averaged[~self.left_out]
         return int(rows.sum()) * self.observations.components + len(self.observations.stated)
 
+    @cached_property
+    def by_stops(self) -> list[list[Piece]]:
+        """The stops of each number of rows, in pieces that stay in the cache of the processor."""
+        d, found = self.observations.components, []
+        for stops, matrices in zip(self.stops, self.matrices, strict=True):
+            step = max(TOGETHER // matrices.shape[1], 1)
+            kept = np.repeat(~self.left_out[stops.rows], d, axis=1)[:, None, :]
+            parts = (slice(first, first + step) for first in range(0, len(matrices), step))
+            found.append([Piece.of(stops.rows[some].ravel(), d, matrices[some] * kept[some]) for some in parts])
+        return found
+
+    @property
+    def pieces(self) -> Iterator[Piece]:
+        """All stops."""
+        return chain.from_iterable(self.by_stops)
+
     def rows(self, table: Array) -> Array:
         """Whitened rows `(n d, k)` of a table `(n, d, k)`, whatever the registration; in the precision of the table."""
-        table = np.where(self.left_out[:, None, None], 0.0, table) if self.left_out.any() else table
-        found = np.empty_like(table)
-        for stops, own in zip(self.stops, self.matrices, strict=True):
-            turned = stops.times(own.astype(table.dtype, copy=False), table)
-            found[stops.rows] = turned.reshape(*stops.rows.shape, *table.shape[1:])
-        return found.reshape(self.observations.residual.size, table.shape[2])
+        return self.with_stated(table)[: self.observations.residual.size]
+
+    def back(self, table: Array) -> Array:
+        """Rows `(n d, c)` whose products with others are those of rows `(N, c)` with the whitened others."""
+        found = np.empty((self.observations.residual.size, table.shape[1]))
+        for piece in self.pieces:
+            found[piece.scalars] = piece.back(table[piece.scalars])
+        return found
 
     def blocks(self, table: Array) -> list[Array]:
         """Products T T' `(stops, m d, m d)` of the whitened rows of each stop of a table T `(n d + k, c)`."""
@@ -83,17 +139,38 @@ class Whitener:
 
     def columns(self, table: Array) -> Array:
         """Whitened columns `(n d + k, c)` of terms `(n, d, c)`, free of the registration."""
-        found = np.empty((len(self.spanned), table.shape[2]), table.dtype)
-        for first in range(0, table.shape[2], TOGETHER):
+        found = self.with_stated(table)
+        through = self.spanned.T @ found
+        for first in range(0, len(found), TOGETHER):
             some = slice(first, first + TOGETHER)
-            found[:, some] = self._free(self.with_stated(table[:, :, some]))
+            found[some] -= self.spanned[some] @ through
         return found
 
     def with_stated(self, table: Array) -> Array:
         """Whitened rows `(n d + k, c)` of terms, whatever the registration: those of stated values are 0."""
-        stated = np.zeros((len(self.observations.stated), table.shape[2]), table.dtype)
-        return np.concatenate([self.rows(table), stated])
+        count = self.observations.residual.size + len(self.observations.stated)
+        found = np.zeros((count, table.shape[2]), table.dtype)
+        for piece in self.pieces:
+            found[piece.scalars] = piece.white(table[piece.rows])
+        return found
 
+    def registers(self, table: Array) -> Array:
+        """Products `(r, c)` of the directions of the registration with columns `(n, d, c)`, once they are white."""
+        return self.through(table, self.spanned).T
+
+    def through(self, table: Array, columns: Array) -> Array:
+        """Products `(p, c)` of columns `(n, d, p)` with whitened ones `(N, c)` that are free of the registration."""
+        return np.asarray(table.reshape(self.observations.residual.size, -1).T @ self.back(columns))
+
+    def equations(self, table: Array, registers: Array) -> Equations:
+        """Products of columns `(n, d, p)`, white and free of the registration; registers: their `registers`."""
+        gram = -(registers.T @ registers)
+        for piece in self.pieces:
+            rows = piece.white(table[piece.rows])
+            gram += rows.T @ rows
+        return Equations(self.residual, gram, self.through(table, self.residual[:, None])[:, 0])
+
+    @cached_property
     def residual(self) -> Array:
         """The whitened observations `(n d + k,)`, free of the registration."""
         own = self.rows(self.observations.residual[:, :, None])

@@ -12,15 +12,16 @@ from calibration.instruments.laser_tracker import LaserTracker
 from calibration.instruments.lengths.lengths import Lengths
 from calibration.instruments.level import Level
 from calibration.instruments.part import Part
+from calibration.instruments.ranging.ranging import Ranging
 from calibration.instruments.touch_probe import TouchProbe
 
 if TYPE_CHECKING:
     from calibration.measurement.text_table import Table
 
-Instrument = LaserTracker | Interferometer | Part | TouchProbe | Ballbar | Level | Lengths
+Instrument = LaserTracker | Interferometer | Part | TouchProbe | Ballbar | Level | Lengths | Ranging
 """The union by which files are decoded."""
 KINDS: Mapping[str, type[Instrument]] = {
-    each.kind(): each for each in (LaserTracker, Interferometer, Part, TouchProbe, Ballbar, Level, Lengths)
+    each.kind(): each for each in (LaserTracker, Interferometer, Part, TouchProbe, Ballbar, Level, Lengths, Ranging)
 }
 """The classes by their kinds, the names in files."""
 
@@ -43,6 +44,7 @@ __all__ = [
     "Lengths",
     "Level",
     "Part",
+    "Ranging",
     "TouchProbe",
     "instrument_in",
 ]

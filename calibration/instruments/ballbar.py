@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import numpy as np
 
 from calibration.instruments.exact_numbers import joined
-from calibration.instruments.of_points import OfPoints
-from calibration.registration.observed_points import nominal_points
+from calibration.instruments.of_points import OfDistances, centred_pose
 from calibration.registration.registration import SHIFTS, Registration
 from kinematics.error_model.model import Observation
 from kinematics.machine import Machine, Vector
 from kinematics.state import State, with_moves
-from kinematics.transforms import Array, Pose
+from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ SAME_WAY = 1e-6
 """Change between rows, mm or rad, below which an axis rests."""
 
 
-class Ballbar(OfPoints, frozen=True, tag="ballbar"):
+class Ballbar(OfDistances, frozen=True, tag="ballbar"):
     """A telescopic bar between a ball in the spindle and a ball on the table, which reads the distance of the balls."""
 
     OBSERVES = "distance"
@@ -105,7 +104,7 @@ class Ballbar(OfPoints, frozen=True, tag="ballbar"):
         n = len(measurement)
         nominal = Observation(np.zeros((n, len(measurement.machine.axes) + 1, 6)), np.zeros((n, 3)))
         names = np.unique(measurement.groups).tolist()
-        poses = {name: Pose(np.eye(3)[None], -np.array([measurement.spheres[name]])) for name in names}
+        poses = {name: centred_pose(measurement.spheres[name]) for name in names}
         found = Registration(poses, dict.fromkeys(names, np.zeros(3)), SHIFTS, {LENGTH_ERROR: 0.0})
         for _ in range(ROUNDS):
             residual = (measurement.observed - self.expected(measurement, found, nominal))[trusted, 0]
@@ -118,25 +117,9 @@ class Ballbar(OfPoints, frozen=True, tag="ballbar"):
                 break
         return found
 
-    def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
-        """Distances of the two balls `(n, 1)`, mm, with the error of the length."""
-        seen = self.seen(measurement, registration, effects)
-        return np.asarray(np.linalg.norm(seen, axis=1, keepdims=True) + registration.zeros[LENGTH_ERROR])
-
-    def transform(self, measurement: Measurement, registration: Registration) -> Array:
-        """See `InstrumentBase.transform`."""
-        along = along_bar(measurement, registration)[:, None]
-        return np.asarray(along @ self.moves_by_errors(measurement, registration))
-
-    def registration_design(self, measurement: Measurement, registration: Registration) -> Array:
-        """Derivatives `(n, 1, parameters)` by the centre of the table ball, and by the error of the length."""
-        length = np.ones((len(measurement), 1, len(registration.zeros)))
-        moves = along_bar(measurement, registration)[:, None] @ self.moves_by_poses(measurement, registration)
-        return np.concatenate([moves, length], axis=2)
-
-    def by_axes(self, measurement: Measurement, registration: Registration) -> Array:
-        """See `InstrumentBase.by_axes`."""
-        return along_bar(measurement, registration)[:, None] @ self.moves_by_axes(measurement, registration)
+    def zero_names(self, measurement: Measurement) -> np.ndarray:
+        """The error of the length in all rows."""
+        return np.full(len(measurement), LENGTH_ERROR)
 
     def stated_residuals(self, measurement: Measurement, registration: Registration) -> Array:
         """Stated minus present position of the table ball, and length, in standard uncertainties `(4,)`."""
@@ -169,12 +152,6 @@ class Ballbar(OfPoints, frozen=True, tag="ballbar"):
     def observed_columns(self, measurement: Measurement) -> dict[str, np.ndarray]:
         """The readings."""
         return {RADIUS: measurement.observed[:, 0]}
-
-
-def along_bar(measurement: Measurement, registration: Registration) -> Array:
-    """Unit vectors `(n, 3)` from the table ball to the tool ball, of the nominal machine."""
-    points = registration.apply(measurement, nominal_points(measurement))
-    return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
 
 
 def read_length(table: Table) -> dict[str, float | None]:

@@ -32,17 +32,21 @@ if TYPE_CHECKING:
 class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of all instruments. The class holds the facts of the kind, an object the uncertainties of one instrument."""
 
-    OBSERVES: ClassVar[Literal["point", "offset", "distance", "deviation", "length"]]
+    OBSERVES: ClassVar[Literal["point", "offset", "distance", "range", "deviation", "length"]]
     """What an observation is.
 
     A point in the instrument's own frame; the offset of the tip from the centre of a ball on the table; the distance
-    of the tip from such a centre; the deviation along or about one axis; or the distance of two positions, with
-    readings of a dial gauge.
+    of the tip from such a centre; the range from a station; the deviation along or about one axis; or the distance of
+    two positions, with readings of a dial gauge.
     """
     STATIONED: ClassVar[bool] = False
     """True where the instrument stands at stations, whose positions are chosen."""
+    STATIONS: ClassVar[int] = 1
+    """Number of stations of a plan for which none is stated."""
     BY_BEAM: ClassVar[bool] = False
     """True where it reads the range and two angles of a beam, which err by themselves, also with time."""
+    READS_RANGES: ClassVar[bool] = False
+    """True where it reads ranges in air, with a beam or without its angles."""
     MAY_BE_KNOCKED: ClassVar[bool] = False
     """True where a set-up, or a target, may be knocked between two rows."""
     FOLLOWED_UP: ClassVar[bool] = False
@@ -152,6 +156,10 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     def read_observed(cls, table: Table, machine: Machine, states: MeasurementStates) -> Array:
         """Observations `(n, components)`, mm; rad for angles."""
 
+    def placed(self, measurement: Measurement, table: Table) -> Measurement:
+        """The measurement of a table with what follows from a first registration."""
+        return measurement
+
     @classmethod
     def in_order(cls, state: State) -> State:
         """The state with last moves and directions of approach, by the order of its rows."""
@@ -164,6 +172,10 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
 
     def check_rows(self, table: Table, states: MeasurementStates) -> None:
         """UserError for rows whose quantity has no uncertainty."""
+
+    def zero_names(self, measurement: Measurement) -> np.ndarray:
+        """Name `(n,)` of the zero of each row among those of a registration: its set-up, where it has no other."""
+        return measurement.groups
 
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """Header lines besides those of uncertainties and of usual targets, without `# `."""

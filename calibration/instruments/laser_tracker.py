@@ -36,6 +36,7 @@ class LaserTracker(OfPoints, frozen=True, tag="laser-tracker"):
     )
     STATIONED = True
     BY_BEAM = True
+    READS_RANGES = True
     MAY_BE_KNOCKED = True
     FOLLOWED_UP = True
     ANY_TARGETS = True

@@ -21,13 +21,13 @@ from calibration.registration.observed_points import (
     target_points,
 )
 from calibration.registration.registration import PLANAR, RIGID, Registration, rigid
-from kinematics.transforms import Array, by_turn, turn
+from kinematics.transforms import Array, Pose, by_turn, turn
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
     from kinematics.error_model.model import Observation
-    from kinematics.transforms import Pose
+    from kinematics.machine import Vector
 
 IN_LINE = 1.0
 """RMS distance of points from a line, mm, below which they do not determine the instrument's rotation about it."""
@@ -81,13 +81,18 @@ class OfPoints(InstrumentBase, frozen=True):
 
     def registration_design(self, measurement: Measurement, registration: Registration) -> Array:
         """See `InstrumentBase.registration_design`."""
-        columns = [self.moves_by_poses(measurement, registration)]
+        columns = self.moves_by_poses(measurement, registration), self.moves_by_targets(measurement, registration)
+        return measurement.components_of(np.concatenate(columns, axis=2))
+
+    def moves_by_targets(self, measurement: Measurement, registration: Registration) -> Array:
+        """Derivatives `(n, 3, 3 targets)` of the points by the positions of targets that the registration has."""
+        columns = [np.zeros((len(measurement), 3, 0))]
         turns = registration.rotations(measurement) @ carried(measurement) if registration.targets else None
         numbers = {name: i for i, name in enumerate(measurement.targets)}
         for name in registration.targets:
             assert turns is not None
             columns.append(np.where(np.equal(measurement.target_number, numbers[name])[:, None, None], turns, 0.0))
-        return measurement.components_of(np.concatenate(columns, axis=2))
+        return np.concatenate(columns, axis=2)
 
     def moves_by_poses(self, measurement: Measurement, registration: Registration) -> Array:
         """Derivatives `(n, 3, poses)` of the points by the poses of the groups."""
@@ -124,6 +129,46 @@ class OfPoints(InstrumentBase, frozen=True):
         """Derivatives `(n, 3, axes)` of the points by the positions of the axes, per mm and rad."""
         moves = derivatives_by_positions(measurement, registration.tool(measurement))
         return np.asarray(registration.rotations(measurement) @ moves)
+
+
+class OfDistances(OfPoints, frozen=True):
+    """Base of the instruments that observe the distance of a target from a centre of theirs, with an unknown zero.
+
+    The centre is the origin of the instrument's frame, whose orientation has no effect.
+    """
+
+    def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
+        """Distances `(n, 1)`, mm, with the zeros of their rows; 0 where the registration lacks one."""
+        seen = self.seen(measurement, registration, effects)
+        zeros = [registration.zeros.get(name, 0.0) for name in self.zero_names(measurement).tolist()]
+        return np.asarray(np.linalg.norm(seen, axis=1) + zeros)[:, None]
+
+    def transform(self, measurement: Measurement, registration: Registration) -> Array:
+        """See `InstrumentBase.transform`."""
+        along = directions(measurement, registration)[:, None]
+        return np.asarray(along @ self.moves_by_errors(measurement, registration))
+
+    def registration_design(self, measurement: Measurement, registration: Registration) -> Array:
+        """Derivatives `(n, 1, parameters)` by the centres, the zeros and the targets."""
+        names, along = self.zero_names(measurement), directions(measurement, registration)[:, None]
+        zeros = np.stack([names == name for name in registration.zeros], axis=1)[:, None].astype(float)
+        centres = along @ self.moves_by_poses(measurement, registration)
+        return np.concatenate([centres, zeros, along @ self.moves_by_targets(measurement, registration)], axis=2)
+
+    def by_axes(self, measurement: Measurement, registration: Registration) -> Array:
+        """See `InstrumentBase.by_axes`."""
+        return directions(measurement, registration)[:, None] @ self.moves_by_axes(measurement, registration)
+
+
+def directions(measurement: Measurement, registration: Registration) -> Array:
+    """Unit vectors `(n, 3)` from the centres to the targets of the nominal machine."""
+    points = registration.apply(measurement, nominal_points(measurement))
+    return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
+
+
+def centred_pose(centre: Array | Vector) -> Pose:
+    """Pose of an instrument with a centre `(3,)`, mm, and without an orientation of its own."""
+    return Pose(np.eye(3)[None], -np.asarray(centre, float)[None])
 
 
 def width(points: Array) -> float:

@@ -36,8 +36,11 @@ SQUARENESS_URAD = 30.0
 Tolerances of acceptance are of this order: 0.02 mm over 500 mm, 40 urad. ISO 10791-1 and -2 are quoted with this
 figure; their text was not at hand.
 """
-TIP, SPHERE, DISTANCE = "probe", "sphere", "distance"
-"""Header keys: of the tip, and the first parts of those of spheres and of distances. The tip is the target `probe`."""
+TIP, SPHERE, DISTANCE, SHOWS = "probe", "sphere", "distance", "shows"
+"""Header keys: of the tip, and the first parts of those of spheres, of distances, and of the directions that a ring or
+a surface shows. The tip is the target `probe`."""
+UNSEEN_UM = 1e6
+"""Standard uncertainty, um, of a coordinate that a feature does not show: a metre."""
 SPINDLE = "spindle_deg"
 """Header key of the angle by which the spindle was turned: another file, with the tip on the other side."""
 SQUARENESS = "squareness_urad"
@@ -69,13 +72,15 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
     """Standard uncertainty of each coordinate of a sphere's centre, um."""
     squareness_urad: float = SQUARENESS_URAD
     """Expected size of the machine's squareness errors before the measurement (k = 1), urad."""
+    shows: Mapping[str, str] = {}
+    """Directions of the workpiece frame, `XY`, that a feature which is no sphere shows, by its name."""
     components: Literal[3] = 3
     """Number of observed values in a row."""
 
     @classmethod
     def is_header_key(cls, key: str) -> bool:
         """Also the keys of spheres and of distances between them."""
-        return key.partition(".")[0] in (SPHERE, DISTANCE) or super().is_header_key(key)
+        return key.partition(".")[0] in (SPHERE, DISTANCE, SHOWS) or super().is_header_key(key)
 
     @classmethod
     def refuse_other_files(cls, table: Table) -> None:
@@ -84,8 +89,8 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
 
     @classmethod
     def read_own(cls, table: Table) -> dict[str, Any]:
-        """The expected size of squareness errors."""
-        return read_squareness(table)
+        """The expected size of squareness errors, and the directions of features that are no spheres."""
+        return {**read_squareness(table), **read_shown(table)}
 
     @classmethod
     def read_targets(cls, table: Table) -> tuple[dict[str, Target], np.ndarray]:
@@ -104,7 +109,12 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
         return read_observed(table, machine, states.state.positions)
 
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
-        """First centres of the spheres: medians over the trusted rows, where a sphere has any."""
+        """First centres of the spheres: medians over the trusted rows, where a sphere has any; UserError for others."""
+        for name, shown in self.shows.items():
+            raise UserError(
+                f"{measurement.source} {SHOWS}.{name}: {' '.join(shown)}: a feature that is no sphere shows a drift "
+                "(ncomp drift), and no errors of a machine: leave its rows out"
+            )
         shifts, groups = measurement.observed - nominal_points(measurement), measurement.groups
         poses, centres = {}, {}
         for name in np.unique(groups).tolist():
@@ -136,13 +146,15 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
         return super().drawn_registration(blank, poses, rng)
 
     def row_covariances(self, measurement: Measurement) -> Array:
-        """The same in each coordinate."""
-        return np.tile((self.u_um * 1e-3) ** 2 * np.eye(3), (len(measurement), 1, 1))
+        """The same in each coordinate that the feature shows."""
+        shown = [[axis in self.shows.get(name, "XYZ") for axis in "XYZ"] for name in measurement.groups.tolist()]
+        return np.asarray(np.where(shown, self.u_um, UNSEEN_UM)[:, :, None] ** 2 * 1e-6 * np.eye(3))
 
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """The tip, the spheres, and the distances."""
         placed = measurement.targets[TIP], measurement.spheres, measurement.distances
-        return header_lines(*placed, self.squareness_urad)
+        yield from header_lines(*placed, self.squareness_urad)
+        yield from (f"{SHOWS}.{name}: {' '.join(shown)}" for name, shown in self.shows.items())
 
     def observed_columns(self, measurement: Measurement) -> dict[str, np.ndarray]:
         """The readings of an R-test."""
@@ -257,6 +269,23 @@ def read_squareness(table: Table) -> dict[str, float]:
     if not 0.0 <= size <= LARGEST_SQUARENESS:
         table.header_fault(SQUARENESS, f"{size:g} urad is no size of squareness errors (0 to {LARGEST_SQUARENESS:g})")
     return {SQUARENESS: size}
+
+
+def read_shown(table: Table) -> dict[str, dict[str, str]]:
+    """Directions that a ring or a surface shows, by its name; UserError for other directions. Empty without any."""
+    found = {}
+    for key, entry in table.entries.items():
+        first, _, name = key.partition(".")
+        if first == SHOWS:
+            shown = "".join(entry.value.replace(",", " ").split()).upper()
+            if not shown or len(set(shown)) != len(shown) or set(shown) - set("XYZ"):
+                table.header_fault(
+                    key, f"expected directions of the workpiece frame, X Y for a ring, got {entry.value!r}"
+                )
+            if f"{SPHERE}.{name}" not in table.entries:
+                table.header_fault(key, f"feature {name!r} is not in the header (# {SPHERE}.{name}: x y z)")
+            found[name] = shown
+    return {SHOWS: found} if found else {}
 
 
 def read_observed(table: Table, machine: Machine, positions: Array) -> Array:

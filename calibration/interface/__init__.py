@@ -3,7 +3,7 @@
 from calibration.fit.calibrate import NotAccepted
 from calibration.fit.together import TogetherNotAccepted
 from calibration.instruments import Ballbar, Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
-from calibration.interface.calibrations import diagnose, fit, fit_together
+from calibration.interface.calibrations import diagnose, drift, fit, fit_together
 from calibration.interface.evaluations import ballbar, compare, continuous, iso230, square, three_points, tracker
 from calibration.interface.measurements import (
     plan,
@@ -39,6 +39,7 @@ __all__ = [
     "compare",
     "continuous",
     "diagnose",
+    "drift",
     "fit",
     "fit_together",
     "iso230",

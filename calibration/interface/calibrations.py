@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from kinematics.running.caller import public
+from kinematics.running.given_texts import Texts, temperatures_of
 from kinematics.running.progress import Progress, silent
 from kinematics.user_error import UserError
 from machines.given import load_calibration
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from calibration.diagnosis.conclusion.result import Diagnosis
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
+    from calibration.following.drift import Drift
     from calibration.measurement.measurement import Measurement
     from calibration.on_the_fly.along_path import OnTheFly
     from kinematics.effects import Effect
@@ -132,3 +134,41 @@ def diagnose(
     present = None if calibration is None else load_calibration(measurement.machine, calibration)
     add = unexplained == "add"
     return diagnose(measurement, present, force=force, add_unexplained=add, progress=progress)
+
+
+@public
+def drift(
+    measurement: Measurement,
+    calibration: str | Path | ErrorModel | None = None,
+    *,
+    at: str | None = None,
+    since: str | None = None,
+    temperature: Texts = (),
+    tolerance_um: Annotated[float, 0, None] | None = None,
+    accept_jumps: bool = False,
+    progress: Progress = silent,
+) -> Drift:
+    """The drift of a machine between parts, by a log of touches of spheres or other features.
+
+    measurement: that of a touch probe, with times, and with temperatures if it has any; calibration: the one that the
+    drift is added to, `model` of the result. at: time stamp by the clock of the log, or seconds, for which the drift is
+    predicted, by default the last reading; since: when the work offsets were touched off, by default the first reading;
+    temperature: those at that time, degC (`spindle=31.5`), by default those of the last reading; tolerance_um: largest
+    uncertainty (k = 2) with which the drift is of use; accept_jumps: a jump between two readings is taken as drift.
+
+    UserError for a log that cannot be used, whose newest readings contradict the earlier ones, for a drift that is not
+    known within the tolerance, and for a calibration that has a drift already.
+    """
+    from calibration.following.drift import drift_at
+    from calibration.following.follow import follow
+    from kinematics.effects import after_touch_off
+
+    present, kelvin = load_calibration(measurement.machine, calibration), temperatures_of(temperature)
+    if any(map(after_touch_off, present.effects)):
+        name = calibration if isinstance(calibration, (str, Path)) else present.id
+        raise UserError(
+            f"calibration {name} has a drift already ({present.provenance.source}), which would count twice: give the "
+            "calibration without the drift"
+        )
+    found = follow(measurement, jumps=accept_jumps, progress=progress)
+    return drift_at(found, present, at, since, kelvin, tolerance_um)

@@ -103,13 +103,17 @@ def _references(machine: Machine, given: Texts) -> dict[str, float]:
 def iso230(measurement: Measurement) -> tuple[AxisTest, ...]:
     """Interferometer runs by ISO 230-2, axis by axis: reversal, repeatability and accuracy, um or urad, with U (k = 2).
 
-    Deviations are measured minus target, positive where the axis goes too far in its positive direction.
+    Deviations are measured minus target, positive where the axis goes too far in its positive direction. Points of a
+    tracker along the body diagonals are evaluated by ISO 230-6, diagonal by diagonal.
 
     UserError for the measurement of another instrument, and for readings whose direction of approach is unknown.
     """
+    from calibration.single_axis.diagonals import diagonal_tests
     from calibration.single_axis.iso230 import evaluate
+    from calibration.single_axis.other_standards import with_others
 
-    return evaluate(measurement)
+    tests = diagonal_tests(measurement) if measurement.instrument.BY_BEAM else evaluate(measurement)
+    return tuple(map(with_others, tests))
 
 
 @dataclass(frozen=True, repr=False)

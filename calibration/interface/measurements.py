@@ -39,21 +39,29 @@ def read_measurement(
     header: Texts | None = None,
     columns: str | None = None,
     plan: str | Path | None = None,
+    log: str | Path | None = None,
+    log_columns: str | Path | None = None,
 ) -> Measurement:
     """The measurement in a file, or in several as one: axis positions, mm and rad, and observed points, mm.
 
     header: keys that the file lacks (`{"u_um": "0.3"}`); columns: column map of a delimited export; plan: table of the
-    axis positions by names of points. `notes` of the result are for the user.
+    axis positions by names of points; log: temperatures by time, joined to the rows of each file, and log_columns its
+    column map. `notes` of the result are for the user.
 
     UserError with file, line and column of the first entry that cannot be used.
     """
     from calibration.measurement.joining import joined
     from calibration.measurement.readers import read_any
+    from kinematics.files.temperature_log import read_given_log
 
     found, position = load_machine(machine), None if plan is None else Path(plan)
     entries = header_of(header or ())
     paths = [data] if isinstance(data, (str, Path)) else data
-    each = [read_any(Path(path), found, format, header=entries, columns=columns, plan=position) for path in paths]
+    temperatures = read_given_log(log, log_columns)
+    each = [
+        read_any(Path(path), found, format, header=entries, columns=columns, plan=position, log=temperatures)
+        for path in paths
+    ]
     return each[0] if len(each) == 1 else joined(each)
 
 
@@ -232,6 +240,8 @@ def read_on_the_fly(
     format: str = "auto",
     header: Texts | None = None,
     columns: str | None = None,
+    log: str | Path | None = None,
+    log_columns: str | Path | None = None,
     cell_mm: Annotated[float, 0.1, None] | None = None,
     corner_mm: Annotated[float, 0, None] = 5.0,
     progress: Progress = silent,
@@ -239,8 +249,8 @@ def read_on_the_fly(
     """The readings of a tracker that followed a program, along its path (of `read_path`), for `fit`.
 
     cell_mm: length of the cells of the path in which readings are averaged, mm, 4 by default; corner_mm: length of path
-    before and after a corner whose readings are left out, mm; format, header and columns: as for `read_measurement`;
-    progress: called with the text of each step.
+    before and after a corner whose readings are left out, mm; format, header, columns and log: as for
+    `read_measurement`; progress: called with the text of each step.
 
     UserError with file and line of the first reading that cannot be used, and for readings that do not follow the path.
     """
@@ -248,8 +258,10 @@ def read_on_the_fly(
     from calibration.on_the_fly.along_path import on_path
     from calibration.on_the_fly.corrected_positions import with_corrected_positions
     from calibration.on_the_fly.readings import read_readings
+    from kinematics.files.temperature_log import read_given_log
 
-    table, notes = table_in(Path(data), path.machine, format, header=header_of(header or ()), columns=columns)
+    temperatures, entries = read_given_log(log, log_columns), header_of(header or ())
+    table, notes = table_in(Path(data), path.machine, format, header=entries, columns=columns, log=temperatures)
     read = read_readings(table, path.machine)
     taken = on_path(read, path, cell_mm=cell_mm, corner_mm=corner_mm, progress=progress)
     progress("positions of the readings on the path")

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from calibration.evaluation.rectangle import Rectangle
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
+    from calibration.following.drift import Drift
     from calibration.interface.evaluations import CircularTests, ContinuousResult, ThreePointsResult
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.plan import Plan
@@ -39,6 +40,13 @@ def _diagnosis(found: Diagnosis) -> Report:
     from calibration.reports.diagnosis.page import diagnosis_report
 
     return diagnosis_report(found, "ncomp.diagnose")
+
+
+def _drift(found: Drift) -> Report:
+    from calibration.following.report import drift_report
+    from kinematics.files.report_head import ReportHead
+
+    return drift_report(found, found.followed.measurement.source, ReportHead())
 
 
 def _plan(found: Plan) -> Report:
@@ -103,6 +111,7 @@ REPORTS: dict[str, Callable[[Any], Report]] = {
     "Calibration": _calibration,
     "Together": _together,
     "Diagnosis": _diagnosis,
+    "Drift": _drift,
     "Plan": _plan,
     "AxisTest": _axis_test,
     "CircularTests": _circles,

@@ -8,23 +8,16 @@ independent of each other (`Decorrelation`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinematics.effects.base import unit_of
 from kinematics.transforms import Array
 
 NEGLIGIBLE = 0.1
 """Factor on the specified noise below which its value is not shown."""
-USUAL = 8.0
-"""Standard deviation from stop to stop, um or urad, above which an error that recurs is likelier (Type B).
-
-An axis that works repeats to a few um. The odds go with the fourth power of the size: 1 to 50 at 3 um, 20 to 1 at 17.
-"""
 UNLESS = (
     ", unless the model lacks errors of this size that recur with the position: too few positions were measured again "
     "to decide that"
@@ -52,29 +45,6 @@ class EstimatedNoise:
     """`instrument_factor` without misfit, where visits of the same positions show it."""
     revisited: bool = True
     """False where too few positions were measured again to tell the noise of the instrument from misfit."""
-
-    @property
-    def undecided(self) -> bool:
-        """True where residuals are larger than specified, and nothing shows whether they are noise."""
-        return not self.revisited and (self.scatter > 1.0 or bool(self.non_repeatability))
-
-    @property
-    def larger(self) -> str:
-        """The noise that is larger than specified, as a clause."""
-        parts = ["the instrument scatters more than specified"] if self.scatter > 1.0 else []
-        if self.non_repeatability:
-            axes = list(self.non_repeatability)
-            parts.append(f"{', '.join(axes)} {'does' if len(axes) == 1 else 'do'} not repeat")
-        return " and ".join(parts)
-
-    @property
-    def recurring(self) -> Mapping[str, float]:
-        """Expected standard deviation of each axis, mm or rad, of errors that recur with the position.
-
-        Where nothing shows whether shifts from stop to stop recur: the larger they are, the likelier.
-        """
-        unknown = {} if self.revisited else self.non_repeatability
-        return {axis: off / math.hypot(1.0, (USUAL * unit_of(axis)[1] / off) ** 2) for axis, off in unknown.items()}
 
     @property
     def scatter(self) -> float:

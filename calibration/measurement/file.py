@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.instruments import KINDS, Instrument
 from calibration.measurement.measurement import Measurement, in_space
-from calibration.measurement.measuring_date import MEASURED, measuring_date
+from calibration.measurement.measuring_date import MEASURED, measuring_date, measuring_start
 from calibration.measurement.states import (
     MeasurementStates,
     allow_columns,
@@ -24,6 +24,7 @@ from calibration.measurement.states import (
 from calibration.measurement.text_table import Table, read_table
 from kinematics.effects.base import UM
 from kinematics.files.mistaken import none_of
+from kinematics.files.time_stamps import ZONE
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -42,17 +43,14 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     check_machine(table, machine, notes)
     kind.refuse_other_files(table)
     instrument = read_instrument(table)
-    keys = ["machine", "instrument", MEASURED]
-    note_unknown_keys(table, lambda key: key in keys or kind.is_header_key(key), notes)
-    allow_columns(table, [*kind.OBSERVED, *state_columns(machine), *kind.OPTIONAL])
-    table.need_columns(kind.REQUIRED, kind.a_kind())
+    _check_names(table, kind, machine, notes)
     spheres, distances = kind.read_set_ups(table)
     states = read_states(table, machine, notes)
     instrument.check_rows(table, states)
     observed = kind.read_observed(table, machine, states)
     if not kind.ANY_TARGETS:
         _refuse_other_targets(table, states, kind.kind())
-    return Measurement(
+    measurement = Measurement(
         machine,
         instrument,
         replace(states.state, observed=in_space(observed)),
@@ -74,7 +72,17 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
         distances=distances,
         simulated=is_simulated(table),
         measured=measuring_date(table),
+        start=measuring_start(table),
     )
+    return instrument.placed(measurement, table)
+
+
+def _check_names(table: Table, kind: type[Instrument], machine: Machine, notes: list[str]) -> None:
+    """UserError for unknown columns, and for missing ones; notes on unknown header keys."""
+    keys = ["machine", "instrument", MEASURED, ZONE]
+    note_unknown_keys(table, lambda key: key in keys or kind.is_header_key(key), notes)
+    allow_columns(table, [*kind.OBSERVED, *state_columns(machine), *kind.OPTIONAL])
+    table.need_columns(kind.REQUIRED, kind.a_kind())
 
 
 def _refuse_other_targets(table: Table, states: MeasurementStates, kind: str) -> None:

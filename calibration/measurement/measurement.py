@@ -127,6 +127,8 @@ class Measurement(Shown):
     """True for data of a virtual machine."""
     measured: datetime.date | None = None
     """Date of the measurement, of several the earliest; None where it is not known."""
+    start: datetime.datetime | None = None
+    """Time of second 0, by the clock of the rows; None where it is not known."""
 
     @property
     def headline(self) -> str:

@@ -10,6 +10,7 @@ import datetime
 import re
 
 from calibration.measurement.text_table import Table
+from kinematics.files.time_stamps import ZONE, moment, zone_of
 
 MEASURED = "measured"
 """Header key of the measuring date."""
@@ -46,14 +47,25 @@ def measuring_date(table: Table) -> datetime.date | None:
     """The date in the header of a measurement file; None without one. UserError for another text, or the future."""
     if MEASURED not in table.entries:
         return None
-    text = table.entries[MEASURED].value
+    text = table.entries[MEASURED].value.strip()
     try:
-        date = datetime.date.fromisoformat(text.strip())
+        date = datetime.datetime.fromisoformat(text).date()
     except ValueError:
-        table.header_fault(MEASURED, f"{text!r} is no date: write it as 2003-10-17")
+        table.header_fault(
+            MEASURED, f"{text!r} is no date: write it as 2003-10-17, with the time of second 0 behind it"
+        )
     if date > datetime.datetime.now(datetime.UTC).date() + datetime.timedelta(days=1):
         table.header_fault(MEASURED, f"{date} lies in the future: write the date of the measurement")
     return date
+
+
+def measuring_start(table: Table) -> datetime.datetime | None:
+    """The time of second 0, in the zone that the file states; None where the header has no time of day."""
+    if MEASURED not in table.entries or ":" not in table.entries[MEASURED].value:
+        return None
+    zone, source = table.entries[ZONE].value if ZONE in table.entries else "", f"{table.source} {MEASURED}"
+    start = moment(table.entries[MEASURED].value, source, zone)
+    return start.astimezone(zone_of(zone, source)) if zone else start
 
 
 def _date(text: str) -> datetime.date | None:

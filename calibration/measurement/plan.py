@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from calibration.instruments import Instrument
 from calibration.measurement.measurement import SPINDLE_NOSE, Target
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
@@ -117,6 +118,11 @@ class Plan(Shown):
     spheres: Mapping[str, Vector] = field(default_factory=dict)
     """Stated centres of the spheres of a touch probe by name, mm, workpiece frame at zero pose; `state.station` has the
     sphere of each row."""
+    stations: Mapping[str, Vector] = field(default_factory=dict)
+    """Positions of the instrument by station, mm, workpiece frame; `state.station` has the station of each row. Empty
+    where the whole plan is measured from stations that are stated later."""
+    instrument: Instrument | None = None
+    """The instrument for which the positions were chosen; None for any."""
 
     @property
     def headline(self) -> str:

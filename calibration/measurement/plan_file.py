@@ -10,6 +10,8 @@ from typing import BinaryIO
 import numpy as np
 
 from calibration.instruments import TouchProbe, instrument_in
+from calibration.instruments.exact_numbers import joined
+from calibration.instruments.ranging.ranging import STATION
 from calibration.instruments.touch_probe import (
     PLAN_ID,
     SPHERE,
@@ -17,6 +19,7 @@ from calibration.instruments.touch_probe import (
     header_lines,
     read_spheres,
 )
+from calibration.measurement.file import read_instrument
 from calibration.measurement.measurement import with_moves
 from calibration.measurement.plan import Plan
 from calibration.measurement.states import (
@@ -30,7 +33,7 @@ from calibration.measurement.states import (
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
-from kinematics.machine import Machine
+from kinematics.machine import Machine, Vector
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 
@@ -46,6 +49,7 @@ def write_plan(plan: Plan, file: BinaryIO) -> None:
     head = [f"machine: {plan.machine.name}", f"strategy: {plan.strategy}", f"{MINUTES}: {plan.minutes:.1f}"]
     head.append(f"{MADE_BY}: ncomp {VERSION}")
     head += [f"{PLAN_ID}: {plan_id(plan)}", *_sphere_lines(plan)] if plan.spheres else _target_lines(plan)
+    head += _station_lines(plan)
     lines = [*(f"# {line}" for line in head), ",".join(columns)]
     lines += [",".join(cells) for cells in zip(*columns.values(), strict=True)]
     file.write(("\n".join(lines) + "\n").encode())
@@ -70,6 +74,16 @@ def _target_lines(plan: Plan) -> list[str]:
     return found
 
 
+def _station_lines(plan: Plan) -> list[str]:
+    """The instrument and its stations: with the column of its observations the plan is a measurement file."""
+    instrument = plan.instrument
+    lines = [f"{STATION}.{name}: {joined(position)}" for name, position in plan.stations.items()]
+    if instrument is None:
+        return lines
+    uncertainties = (f"{key}: {getattr(instrument, key)!r}" for key in instrument.uncertainty_keys())
+    return [f"instrument: {instrument.kind()}", *uncertainties, *lines]
+
+
 def _columns(plan: Plan) -> dict[str, list[str]]:
     """The columns of the file."""
     state, axes = plan.state, plan.machine.names
@@ -86,6 +100,9 @@ def _columns(plan: Plan) -> dict[str, list[str]]:
         columns[SPHERE] = state.station.tolist()
     elif state.target is not None:
         columns["target"] = state.target.tolist()
+    if plan.stations:
+        assert state.station is not None
+        columns[STATION] = state.station.tolist()
     columns |= {"run": plan.run.tolist(), POINT: plan.names.tolist()}
     if plan.axis is not None:
         columns |= _measured(plan, plan.axis, columns)
@@ -102,12 +119,35 @@ def read_plan(path: Path, machine: Machine) -> Plan:
     names = table.texts([name for name in (POINT,) if name in table.names])
     count = np.arange(1, len(table) + 1).astype(str)
     strategy = table.entries["strategy"].value if "strategy" in table.entries else path.name
+    kind = instrument_in(table)
+    instrument = read_instrument(table) if kind.STATIONED and {*kind.uncertainty_keys()} & {*table.entries} else None
     return Plan(
         machine, strategy, states.state, names.get(POINT, count), count if states.run is None else states.run,
         states.targets, states.axis, minutes=_minutes(table, states.state.time),
         position_count=len(np.unique(np.round(states.state.positions, 9), axis=0)), notes=tuple(notes),
-        spheres=read_spheres(table) if instrument_in(table).SET_UP == SPHERE else {},
+        spheres=read_spheres(table) if kind.SET_UP == SPHERE else {}, stations=_stations(table, states.state.station),
+        instrument=instrument,
     )  # fmt: skip
+
+
+def _stations(table: Table, station: np.ndarray | None) -> dict[str, Vector]:
+    """Positions of the stations, mm; empty without header lines of them. UserError for a row of another station."""
+    stations: dict[str, Vector] = {}
+    for key in table.entries:
+        first, _, name = key.partition(".")
+        if first == STATION:
+            x, y, z = table.header_numbers(key, 3)
+            stations[name] = (x, y, z)
+    if not stations:
+        return {}
+    if station is None:
+        raise UserError(f"{table.head}: the header has stations, but the column {STATION} is missing")
+    unknown = np.flatnonzero(~np.isin(station, list(stations)))
+    if len(unknown):
+        row = int(unknown[0])
+        name = str(station[row])
+        table.fault(row, STATION, f"{name!r} is not in the header: state its position (# {STATION}.{name}: x y z)")
+    return stations
 
 
 def stated_plan_id(path: Path) -> int | None:

@@ -35,8 +35,8 @@ SET_UPS = tuple(dict.fromkeys(kind.SET_UP for kind in KINDS.values()))
 STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}
 MADE_BY = "made_by"
 """Header key of the program that wrote the file."""
-OF_A_PLAN = ("strategy", "minutes", MADE_BY)
-"""Header keys of a plan, which a measurement file made from it may keep."""
+OF_A_PLAN = ("strategy", "minutes", "station", MADE_BY)
+"""First parts of header keys of a plan, which a measurement file made from it may keep."""
 FITTED = 6
 """Least number of rows of a target on the tool whose position is fitted because the header does not give it."""
 DIRECTIONS = {"+1": 1, "1": 1, "+": 1, "forward": 1, "-1": -1, "-": -1, "backward": -1}
@@ -102,7 +102,10 @@ def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
 
 
 def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[str]) -> None:
-    """Notes on header lines that are not used."""
+    """Notes on header lines that are not used; UserError for a unit that measurement files do not have."""
+    for key in ("unit", "units"):
+        if key in table.entries and re.fullmatch(r'in|inch|inches|"', table.entries[key].value.strip().lower()):
+            table.header_fault(key, "positions are in mm and degrees: convert them, or correct the unit")
     for remark in table.remarks:
         if known(key := remark.value.partition(" ")[0]) and key != remark.value:
             value = remark.value.removeprefix(key).strip()
@@ -110,7 +113,7 @@ def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[st
     for key, entry in table.entries.items():
         if not known(key) and known(small := key.strip().lower().replace(" ", "_").replace("-", "_")):
             table.header_fault(key, f"header keys are in small letters: write {small}")
-        if not known(key) and key not in OF_A_PLAN and key.partition(".")[0] not in CARRIERS:
+        if not known(key) and key.partition(".")[0] not in (*CARRIERS, *OF_A_PLAN):
             where = f"line {entry.line}: header key {key!r}" if entry.line else f"--header {key}"
             notes.append(f"{where} is unknown, and ignored")
     notes += [f"line {remark.line}: {remark.value!r} is not 'key: value', and is ignored" for remark in table.remarks]

@@ -16,11 +16,10 @@ import numpy as np
 
 from kinematics.files import fingerprint, read_input
 from kinematics.files.mistaken import not_utf8, number_hint
+from kinematics.files.text_cells import LARGEST, number_of
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-LARGEST = 1e12
-"""Largest accepted number, so that the squares of mistyped numbers stay finite."""
 LONGEST = 100_000
 """Most characters of a line; one cell of a CSV file may not have many more."""
 EMPTY = "empty: fill it in, or delete the row"
@@ -240,15 +239,6 @@ def text_lines(data: bytes, source: str) -> list[str]:
     if long := next((number for number, line in enumerate(lines, start=1) if len(line) > LONGEST), None):
         raise UserError(f"{source}:{long}: a line of more than {LONGEST} characters: this is no table; export it again")
     return lines
-
-
-def number_of(cell: str) -> float | None:
-    """The number in a cell; None for other text and for numbers beyond LARGEST."""
-    try:
-        value = float(cell) if cell.isascii() and "_" not in cell else math.nan
-    except ValueError:
-        return None
-    return value if abs(value) <= LARGEST else None
 
 
 def _take_header(text: str, line: int, entries: dict[str, Entry], remarks: list[Entry], source: str) -> None:

@@ -24,6 +24,8 @@ class Reach:
     """Largest angle between the beam and the axis of the reflector: half the opening that its maker states."""
     range_mm: float | None = None
     """Largest distance of a target from the tracker, mm."""
+    nearest_mm: float | None = None
+    """Smallest distance of a target from the tracker, mm."""
 
 
 class InReach(NamedTuple):
@@ -50,6 +52,8 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
         reasons[f"elevation not within {low:g}..{high:g} deg"] = (elevation < low) | (elevation > high)
     if reach.range_mm is not None:
         reasons[f"farther than {reach.range_mm:g} mm"] = length > reach.range_mm
+    if reach.nearest_mm is not None:
+        reasons[f"nearer than {reach.nearest_mm:g} mm"] = length < reach.nearest_mm
     if reach.incidence is not None:
         angle = _incidence(measurement, poses)
         reasons[f"incidence above {reach.incidence:g} deg"] = angle > reach.incidence

@@ -1,30 +1,31 @@
-"""Candidates of a measurement: positions over the whole volume with every target, as far as a tracker sees them."""
+"""Candidates of a measurement: positions over the whole volume, targets, and places of the instrument; what it sees."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.instruments import LaserTracker
+from calibration.instruments import Instrument, LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.plan import Choices
 from calibration.observation.reach import Reach, in_reach
 from calibration.planning.strategies import fixed_positions, limits, rounded
 from calibration.registration.observed_points import nominal_points
+from calibration.simulation.simulate import tracker_pose
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
-from kinematics.transforms import Array, Pose
+from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 BEYOND = 1.25
 """Factor by which positions are spread beyond the travel, then clipped to its ends: faces and edges are most useful."""
 NEAREST_MM = 100.0
 """Smallest distance, mm, from the tracker to a target."""
-OFF_MM, LOW = 1500.0, 0.2
-"""Distance, mm, from the volume to a tracker without a given position; its lower height, as a share of the volume's."""
+OFF_MM, HEIGHTS = (300.0, 1500.0), (0.2, 0.5, 1.0)
+"""Distances, mm, from the volume to an instrument without a given position; its heights, as shares of the volume's."""
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,11 @@ def positions(machine: Machine, choices: Choices, number: int) -> Array:
     return np.unique(rounded(found, machine, choices), axis=0) * machine.scale
 
 
-def with_targets(positions_of_axes: Array, targets: Mapping[str, Target]) -> State:
-    """States of every position with every target, approached in random order, as in a shuffled plan."""
+def with_set_ups(positions_of_axes: Array, targets: Sequence[str], stations: Sequence[str]) -> State:
+    """States of every position with every target from every station, approached in random order, as if shuffled."""
     rng = np.random.default_rng(0)
-    every = np.tile(positions_of_axes, (len(targets), 1))
+    each = len(positions_of_axes)
+    every = np.tile(positions_of_axes, (len(targets) * len(stations), 1))
     n = len(every)
     order = rng.permutation(n)
     moves = np.empty_like(every)
@@ -96,46 +98,70 @@ def with_targets(positions_of_axes: Array, targets: Mapping[str, Target]) -> Sta
     at_rest = np.zeros_like(every)
     return State(
         every, approach=np.sign(moves), last_move=moves, velocity=at_rest, acceleration=at_rest, time=time,
-        cycle=np.zeros(n), target=np.repeat(list(targets), len(positions_of_axes)),
+        cycle=np.zeros(n), target=np.tile(np.repeat(list(targets), each), len(stations)),
+        station=np.repeat(list(stations), each * len(targets)),
     )  # fmt: skip
 
 
-def visible_from(
+def visible(
     machine: Machine,
+    instrument: Instrument,
     state: State,
     targets: Mapping[str, Target],
-    position: Vector,
-    pose: Pose,
+    stations: Mapping[str, Vector],
     reach: Reach | None,
     obstacles: Sequence[Obstacle],
 ) -> np.ndarray:
-    """Mask `(n,)` of the states whose target a tracker at a position `(3,)`, mm, sees."""
-    stationed = replace(state, station=np.full(len(state), "s1"))
-    nothing = np.zeros((len(state), 3))
-    blank = Measurement(machine, LaserTracker(), stationed, nothing, targets)
+    """Mask `(n,)` of the states whose target the instrument sees from its station, mm."""
+    blank = Measurement(machine, instrument, state, np.zeros((len(state), 3)), targets)
     points = nominal_points(blank)
-    free = np.linalg.norm(points - position, axis=1) > NEAREST_MM
-    for obstacle in obstacles:
-        free &= ~obstacle.contains(points) & ~obstacle.between(np.array(position), points)
+    free = np.zeros(len(state), bool)
+    for name, position in stations.items():
+        rows = np.flatnonzero(blank.groups == name)
+        seen = np.linalg.norm(points[rows] - position, axis=1) > NEAREST_MM
+        for obstacle in obstacles:
+            seen &= ~obstacle.contains(points[rows]) & ~obstacle.between(np.array(position), points[rows])
+        free[rows] = seen
     if reach is not None and free.any():
+        poses = {name: tracker_pose(position, np.random.default_rng(0)) for name, position in stations.items()}
         rows = np.flatnonzero(free)
-        free[rows] = in_reach(blank.rows(rows), {"s1": pose}, reach).rows
-    return np.asarray(free)
+        free[rows] = in_reach(blank.rows(rows), poses, reach).rows
+    return free
 
 
-def positions_around(machine: Machine, choices: Choices, target: Target) -> list[Vector]:
-    """Possible tracker positions, mm: 1.5 m off the corners and sides of the volume, at a low and a middle height."""
+def volume_of_targets(machine: Machine, choices: Choices) -> tuple[Array, Array]:
+    """Least and largest coordinates `(3,)`, mm, of the targets at the corners of the volume, workpiece frame."""
     low, high = limits(machine, choices)
     linear = np.flatnonzero(~machine.rotary)
     corners = np.tile(fixed_positions(machine, choices), (2 ** len(linear), 1))
     corners[:, linear] = list(itertools.product(*zip(low[linear], high[linear], strict=True)))
-    named = np.full(len(corners), "1")
-    state = State(corners * machine.scale, target=named)
-    blank = Measurement(machine, LaserTracker(), state, np.zeros((len(corners), 3)), {"1": target})
+    state = with_set_ups(corners * machine.scale, list(choices.targets), ["1"])
+    blank = Measurement(machine, LaserTracker(), state, np.zeros((len(state), 3)), choices.targets)
     points = nominal_points(blank)
-    least, most = points.min(axis=0), points.max(axis=0)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def places_around(machine: Machine, choices: Choices) -> list[Vector]:
+    """Possible places of the instrument, mm: near and far off the corners and sides of the volume, at three heights."""
+    least, most = volume_of_targets(machine, choices)
     middle = (least + most) / 2
-    x, y = ((least[k] - OFF_MM, middle[k], most[k] + OFF_MM) for k in (0, 1))
-    heights = (least[2] + LOW * (most[2] - least[2]), middle[2])
-    around = [position for position in itertools.product(x, y) if position != (middle[0], middle[1])]
+    sides = [side for side in itertools.product((-1, 0, 1), repeat=2) if side != (0, 0)]
+    half = (most - least) / 2
+    around = [middle[:2] + np.array(side) * (half[:2] + off) for off in OFF_MM for side in sides]
+    heights = [least[2] + share * (most[2] - least[2]) for share in HEIGHTS]
     return [(round(float(a)), round(float(b)), round(float(z))) for a, b in around for z in heights]
+
+
+def refuse_inside(machine: Machine, choices: Choices, places: Sequence[Vector]) -> None:
+    """UserError for a place within the volume of the targets, where the machine would hit the instrument."""
+    least, most = volume_of_targets(machine, choices)
+    for place in places:
+        if np.all((least < place) & (place < most)):
+            ends = ", ".join(
+                f"{name} {low:g} to {high:g}"
+                for name, low, high in zip("xyz", least.tolist(), most.tolist(), strict=True)
+            )
+            raise UserError(
+                f"--tracker {','.join(f'{v:g}' for v in place)} is inside the volume of the targets ({ends} mm): the "
+                "machine would hit the instrument there: give a place outside, or limit an axis (--range Z=300:800)"
+            )

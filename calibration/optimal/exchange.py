@@ -66,8 +66,10 @@ class Selection:
     def _through(self, which: np.ndarray) -> tuple[Array, Array]:
         """F V F' and F W F' of some candidates."""
         F = self.rows[which]
-        back = np.swapaxes(F, 1, 2)
-        return F @ self.spread @ back, F @ self.weighted @ back
+        flat = F.reshape(-1, F.shape[2])  # one product of two matrices, not one for each candidate
+        left = ((flat @ matrix).reshape(F.shape) for matrix in (self.spread, self.weighted))
+        inner, outer = (np.einsum("nip,njp->nij", some, F) for some in left)
+        return inner, outer
 
     def _renew(self) -> None:
         """V and W from the information: without rank updates, in which the rounding of the first large V would stay."""
@@ -76,15 +78,15 @@ class Selection:
 
 
 def filled(
-    selection: Selection, number: int, allowed: np.ndarray, done: Callable[[float], None] = lambda _: None
+    selection: Selection, number: int, allowed: np.ndarray, done: Callable[[int], None] = lambda _: None
 ) -> None:
     """Choose the most useful of the allowed candidates, a mask, one by one until `number` are chosen.
 
-    done: called with the share of those chosen.
+    done: called with the number of those chosen.
     """
     improvements = np.where(allowed & ~selection.chosen, np.inf, -np.inf)
-    while (chosen := np.count_nonzero(selection.chosen)) < number:
-        done(chosen / number)
+    while (chosen := int(np.count_nonzero(selection.chosen))) < number:
+        done(chosen)
         order = np.argsort(-improvements)
         start = 0
         while True:
@@ -103,23 +105,31 @@ def filled(
         improvements[best] = -np.inf
 
 
-def exchanged(selection: Selection, allowed: np.ndarray, rounds: int) -> int:
-    """Exchange chosen candidates for allowed ones that reduce the variance; the number of exchanges."""
+def exchanged(
+    selection: Selection, allowed: np.ndarray, rounds: int, group: np.ndarray | None = None, least: int = 0
+) -> int:
+    """Exchange chosen candidates for allowed ones that reduce the variance; the number of exchanges.
+
+    group `(candidates,)`: a group of which no more than `least` are chosen keeps their number.
+    """
+    groups = np.zeros(len(allowed)) if group is None else group
     done = 0
     for _ in range(rounds):
         inside = np.flatnonzero(selection.chosen)
         ranked = inside[np.argsort(selection.losses(inside))]
-        if not _one(selection, ranked[:TRIED], allowed):
+        if not _one(selection, ranked[:TRIED], allowed, groups, least):
             break
         done += 1
     return done
 
 
-def _one(selection: Selection, ranked: np.ndarray, allowed: np.ndarray) -> bool:
+def _one(selection: Selection, ranked: np.ndarray, allowed: np.ndarray, groups: np.ndarray, least: int) -> bool:
     before = selection.variance
     for candidate in ranked.tolist():
         selection.change(candidate, -1)
-        free = np.flatnonzero(allowed & ~selection.chosen)
+        own = groups == groups[candidate]
+        keeps = np.count_nonzero(selection.chosen & own) >= least
+        free = np.flatnonzero(allowed & ~selection.chosen & (own | keeps))
         best = int(free[np.argmax(selection.improvements(free))])
         selection.change(best, 1)
         if selection.variance < before * (1 - LEAST):

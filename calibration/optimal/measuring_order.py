@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from calibration.instruments import Instrument
 from calibration.measurement.measurement import Target, with_moves
 from calibration.measurement.plan import Plan, Timing
 from calibration.planning.measuring_sequence import times
-from kinematics.machine import Machine
+from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array
 
@@ -30,28 +31,53 @@ def toured(machine: Machine, positions: Array) -> np.ndarray:
 
 def plan_of(
     machine: Machine,
-    positions: Array,
-    target: np.ndarray,
-    targets: Mapping[str, Target],
+    instrument: Instrument,
+    state: State,
+    set_ups: tuple[Mapping[str, Vector], Mapping[str, Target]],
     timing: Timing,
     change_min: float,
     *,
     shuffled: np.random.Generator | None = None,
 ) -> Plan:
-    """The plan through positions `(n, axes)`, one target after the other: on a short path, or shuffled."""
-    order = []
-    for name in targets:
-        mine = np.flatnonzero(target == name)
-        order.append(mine[toured(machine, positions[mine])] if shuffled is None else shuffled.permutation(mine))
-    rows = np.concatenate(order)
-    found, names = positions[rows], target[rows]
+    """The plan through states, station by station and target by target: on a short path, or shuffled.
+
+    set_ups: the stations, mm, and the targets; each further station starts with the target that is mounted. The time of
+    the set-up counts for each station.
+    """
+    stations, targets = set_ups
+    state = state.rows(_in_turn(machine, state, stations, list(targets), shuffled))
+    found, target, station = state.positions, state.target, state.station
+    assert target is not None
+    assert station is not None
     time, minutes = times(machine, found, None, timing)
-    changes = np.cumsum(np.append(False, names[1:] != names[:-1]))
-    used = {name: targets[name] for name in targets if name in names}
-    state = replace(
-        with_moves(State(found)), time=time + 60.0 * change_min * changes, cycle=np.zeros(len(found)), target=names
+    waits = change_min * np.append(False, target[1:] != target[:-1])
+    waits += timing.setup_min * np.append(False, station[1:] != station[:-1])
+    planned = replace(
+        with_moves(State(found)),
+        time=time + 60.0 * np.cumsum(waits),
+        cycle=np.zeros(len(found)),
+        target=target,
+        station=station,
     )
     return Plan(
-        machine, "optimised", state, np.char.add("O", np.arange(1, len(found) + 1).astype(str)),
-        np.full(len(found), "1"), used, minutes=minutes + change_min * float(changes[-1]), position_count=len(found),
+        machine, "optimised", planned, np.char.add("O", np.arange(1, len(found) + 1).astype(str)),
+        np.full(len(found), "1"), {name: own for name, own in targets.items() if name in target},
+        minutes=minutes + float(waits.sum()), position_count=len(found),
+        stations={name: own for name, own in stations.items() if name in station}, instrument=instrument,
     )  # fmt: skip
+
+
+def _in_turn(
+    machine: Machine, state: State, stations: Iterable[str], targets: list[str], shuffled: np.random.Generator | None
+) -> np.ndarray:
+    """Order `(n,)` of the states: station by station, the targets forward and back."""
+    assert state.target is not None
+    assert state.station is not None
+    order = []
+    for station in stations:
+        for name in targets:
+            mine = np.flatnonzero((state.station == station) & (state.target == name))
+            path = toured(machine, state.positions[mine]) if shuffled is None else shuffled.permutation(len(mine))
+            order.append(mine[path])
+        targets = targets[::-1]
+    return np.concatenate(order)

@@ -21,6 +21,7 @@ from calibration.plausibility.lengths import length_mistakes
 from calibration.plausibility.misfit import centred
 from calibration.plausibility.mistakes import FALLS, SUSPICIOUS, gross_mistakes, noted_mistakes
 from calibration.plausibility.motion import LEAST, clock_lag, read_back
+from calibration.plausibility.ranges import misstated_stations, unlocated_stations
 from calibration.plausibility.repeated_positions import position_numbers
 from calibration.plausibility.spheres import sphere_notes
 from calibration.plausibility.times import paused, repeated_times
@@ -80,6 +81,9 @@ def _of_instrument(measurement: Measurement) -> Iterator[Finding]:
         yield from circle_mistakes(measurement)
     elif measurement.instrument.OBSERVES == "length":
         yield from length_mistakes(measurement)
+    elif measurement.instrument.OBSERVES == "range":
+        found = list(unlocated_stations(measurement)) or list(gross_mistakes(measurement))
+        yield from found or misstated_stations(measurement)
     elif measurement.axis is not None:
         yield from _readings(measurement)
     else:

@@ -47,23 +47,23 @@ def circle_mistakes(measurement: Measurement) -> Iterator[Finding]:
         read = f"radius_mm reads {radius:.6g} mm in the median, but the bar is {length:g} mm long"
         yield Finding("units", f"{read}{_why(radius / length)}", True)
         return
-    distance = _distances(measurement, np.array(next(iter(measurement.spheres.values()))))
-    driven = float(np.median(distance))
-    if abs(driven - length) > LENGTH_OFF_MM and _best_centre(measurement)[1] > OFF_MM:
-        yield Finding("radius", _wrong_radius(measurement, driven, length), True)
+    points, own = nominal_points(measurement), np.array(next(iter(measurement.spheres.values())))
+    driven = float(np.median(np.linalg.norm(points - own, axis=1)))
+    if abs(driven - length) > LENGTH_OFF_MM and _best_circle(points)[1] > OFF_MM:
+        yield Finding("radius", _wrong_radius(measurement, points, driven, length), True)
         return
     residual, registration = misfit(measurement)
     off = np.abs(residual[:, 0])
     if float(np.median(off)) > OFF_MM or abs(registration.zeros[LENGTH_ERROR]) > LENGTH_OFF_MM:
-        yield Finding("radius", _wrong_radius(measurement, driven, length), True)
+        yield Finding("radius", _wrong_radius(measurement, points, driven, length), True)
         return
-    mixed = list(_mixed_runs(measurement))
+    mixed = list(_mixed_runs(measurement, points))
     yield from mixed
     if mixed:
         return
-    yield from _other_feeds(measurement)
-    yield from _other_centres(measurement)
-    reverse, fatal = reversed_runs(measurement, np.array(next(iter(measurement.spheres.values()))))
+    yield from _other_feeds(measurement, points)
+    yield from _other_centres(measurement, points)
+    reverse, fatal = reversed_runs(measurement, points - own)
     if reverse:
         yield Finding("order", reverse, fatal)
     for row in np.flatnonzero(off > OFF_MM).tolist()[:3]:
@@ -85,27 +85,23 @@ def _why(ratio: float) -> str:
     return ": the length is wrong, or the readings are deviations from it (radius_mm is the distance of the balls)"
 
 
-def _wrong_radius(measurement: Measurement, driven: float, length: float) -> str:
+def _wrong_radius(measurement: Measurement, points: Array, driven: float, length: float) -> str:
     """The message for circles that the bar cannot have measured."""
-    machine, (radius, rms) = measurement.machine, _best_centre(measurement)
+    machine, (radius, rms) = measurement.machine, _best_circle(points)
     names = [axis.name for axis in machine.axes if axis.rotary]
     swapped = ""
     if names and np.ptp(measurement.state.positions[:, machine.rotary], axis=0).max() > np.radians(1.0):
         swapped = f", or columns in mm and in degrees ({', '.join(names)}) are exchanged"
     own = f"; their own circle has a radius of {radius:.6g} mm" if rms < OFF_MM else ""
     return (
-        f"the commanded positions are {driven:.6g} mm (median) from the stated centre, but the bar is {length:g} mm "
-        f"long{own}: the centre, the radius of the program or the unit of the axes is wrong{swapped}"
+        f"the commanded positions are {driven:.6g} mm (median) from the stated centre, but the bar is "
+        f"{length:g} mm long{own}: the centre, the radius of the program or the unit of the "
+        f"axes is wrong{swapped}"
     )
 
 
-def _distances(measurement: Measurement, centre: Array) -> Array:
-    return np.asarray(np.linalg.norm(nominal_points(measurement) - centre, axis=1))
-
-
-def _best_centre(measurement: Measurement) -> tuple[float, float]:
+def _best_circle(points: Array) -> tuple[float, float]:
     """Radius, mm, of the sphere that fits the commanded positions best, and the RMS of their distances from it, mm."""
-    points = nominal_points(measurement)
     centre, radius = _sphere(points)
     away = np.linalg.norm(points - centre, axis=1) - radius
     return radius, float(np.sqrt(np.mean(away**2)))
@@ -119,10 +115,9 @@ def _sphere(points: Array) -> tuple[Array, float]:
     return middle + solution[:3], float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
 
 
-def _mixed_runs(measurement: Measurement) -> Iterator[Finding]:
+def _mixed_runs(measurement: Measurement, points: Array) -> Iterator[Finding]:
     """Runs of more than one circle: the first that turns back, or that leaves its plane."""
     assert measurement.run is not None
-    points = nominal_points(measurement)
     for run in dict.fromkeys(measurement.run.tolist()):
         rows = np.flatnonzero(measurement.run == run)
         if len(rows) < 3:
@@ -144,12 +139,11 @@ def _mixed_runs(measurement: Measurement) -> Iterator[Finding]:
             return
 
 
-def _other_feeds(measurement: Measurement) -> Iterator[Finding]:
+def _other_feeds(measurement: Measurement, points: Array) -> Iterator[Finding]:
     """Runs whose feed is not that of their positions and times."""
     time, feed = measurement.state.time, measurement.feed
     if time is None or feed is None or measurement.run is None:
         return
-    points = nominal_points(measurement)
     for run in dict.fromkeys(measurement.run.tolist()):
         rows = np.flatnonzero(measurement.run == run)
         steps, seconds = np.linalg.norm(np.diff(points[rows], axis=0), axis=1), np.diff(time[rows])
@@ -166,10 +160,9 @@ def _other_feeds(measurement: Measurement) -> Iterator[Finding]:
             return
 
 
-def _other_centres(measurement: Measurement) -> Iterator[Finding]:
+def _other_centres(measurement: Measurement, points: Array) -> Iterator[Finding]:
     """Runs whose circle is about another point than that of the other runs."""
     assert measurement.run is not None
-    points = nominal_points(measurement)
     for run in np.unique(measurement.run).tolist():
         mine = measurement.run == run
         if mine.all() or mine.sum() < 6:

@@ -7,6 +7,7 @@ import numpy as np
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
+from calibration.registration.derived import derived
 from calibration.registration.registration import Registration
 from kinematics.error_model.model import no_errors
 from kinematics.transforms import Array
@@ -15,6 +16,7 @@ TRIMMED = 50
 """One row of so many, at least one, is ignored as a possible outlier."""
 
 
+@derived
 def misfit(measurement: Measurement) -> tuple[Array, Registration]:
     """Residuals `(n, d)`, mm and rad, of the nominal machine, and its registration, robust to gross errors."""
     registration, _ = first_registration(measurement)

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
+from calibration.plausibility import ranges, spheres
 from calibration.plausibility import recording_mistakes as recording
-from calibration.plausibility import spheres
 from calibration.plausibility.chain_order import other_chains
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import misfit, trimmed_rms, usual_rms, worst_rms
@@ -47,6 +47,10 @@ def _of_points(measurement: Measurement) -> bool:
     return measurement.instrument.OBSERVES == "point"
 
 
+def _of_ranges(measurement: Measurement) -> bool:
+    return measurement.instrument.OBSERVES == "range"
+
+
 def _of_spheres(measurement: Measurement) -> bool:
     return measurement.instrument.OBSERVES == "offset"
 
@@ -72,15 +76,17 @@ READINGS = Mistake(
     "readings", lambda each: each.instrument.other_readings(each), lambda each: bool(each.observed.any())
 )
 """Wrong readings of an instrument that also states where the tip is commanded to be."""
+UNITS = Mistake("units", recording.other_units)
 MISTAKES: Sequence[Sequence[Mistake]] = (
     (
-        Mistake("units", recording.other_units),
+        UNITS,
         Mistake("mirrored", recording.mirrored_points, _of_points),
         Mistake("axes", recording.exchanged_axes),
         Mistake("sign", recording.reversed_axes),
         Mistake("degrees", recording.other_angles),
         Mistake("targets", recording.exchanged_targets),
         Mistake("targets", recording.turned_targets),
+        Mistake("run", ranges.broken_beams, _of_ranges),
     ),
     (Mistake("chain", other_chains),),
     (
@@ -167,7 +173,8 @@ def gross_mistakes(measurement: Measurement) -> Iterator[Finding]:
         open_end = "" if len(tied) == 1 else "; these data do not show which of them"
         yield Finding(
             best.mistake.check,
-            f"the points differ from the commanded positions by {before:.4g} mm RMS, and by {best.rms:.3g} mm "
+            f"the {'ranges' if _of_ranges(some) else 'points'} differ from the commanded positions by {before:.4g} mm "
+            f"RMS, and by {best.rms:.3g} mm "
             f"{_words(tied)}{open_end}",
             True,
         )

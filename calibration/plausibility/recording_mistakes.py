@@ -60,7 +60,7 @@ def _beyond_travel(measurement: Measurement) -> bool:
 
 def _scale(measurement: Measurement) -> float | None:
     """Ratio of the distances between points to the commanded ones; None if there are none."""
-    if measurement.instrument.OBSERVES == "offset":  # its readings are no coordinates
+    if measurement.instrument.OBSERVES in ("offset", "range"):  # the readings are no coordinates
         return None
     points = nominal_points(measurement)[:, : measurement.instrument.components]
     nominal_spread, observed_spread = _spread(measurement, points), _spread(measurement, measurement.observed)

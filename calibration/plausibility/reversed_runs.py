@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 
 ROWS = 12
@@ -28,13 +27,12 @@ CERTAIN = 3
 """Least number of runs for a refusal: with two a shift between them may look alike."""
 
 
-def reversed_runs(measurement: Measurement, centre: Array) -> tuple[str, bool]:
+def reversed_runs(measurement: Measurement, arms: Array) -> tuple[str, bool]:
     """Message, and whether it is fatal, for runs with readings in the reverse order; an empty one for none.
 
-    centre `(3,)`: of the table ball, mm, workpiece frame. Runs in one plane are compared with each other.
+    arms `(n, 3)`: from the table ball to the commanded positions, mm. Runs in one plane are compared with each other.
     """
     assert measurement.run is not None
-    arms = nominal_points(measurement) - centre
     unit = arms / np.linalg.norm(arms, axis=1)[:, None]
     left = [_Run.of(measurement, name, unit) for name in dict.fromkeys(measurement.run.tolist())]
     while left:

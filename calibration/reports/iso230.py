@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from calibration.single_axis.iso230 import DIRECTIONS, AxisTest
+from calibration.single_axis.cells import DIRECTIONS
+from calibration.single_axis.diagonals import largest_of_diagonals
+from calibration.single_axis.iso230 import AxisTest
 from kinematics.files.number_text import plus_minus, uncertainty
 from kinematics.files.report_head import ReportHead
 from rendering.figures import COLOURS, Figure, Panel, band, dots, extent, level
@@ -27,12 +30,32 @@ CURVES = (
     "repeatability R."
 )
 """Meaning of the lines of all charts."""
+OLDER = (
+    "ISO 230-2:1988 counts 3 s to each side of a mean, where ISO 230-2 counts 2 s since 1997. VDI/DGQ 3441 has half of "
+    "the reversal error and 3 times the mean s of both directions to each side of the mean of both directions."
+)
+"""What differs between the standards."""
 
 
 def iso230_report(tests: Sequence[AxisTest], lead: str, head: ReportHead) -> Report:
     """The result for people; `lead`: the data, for the page."""
     sections = [section for test in tests for section in _sections(test, CURVES if test is tests[0] else "")]
-    return Report("Positioning test, ISO 230-2:2014", lead, sections, "\n".join(map(_verdict, tests)), head=head)
+    verdict, standard = "\n".join(map(_verdict, tests)), "ISO 230-2:2014"
+    if any(test.diagonal for test in tests):
+        standard = "body diagonals, ISO 230-6"
+        most = (
+            f"{each.title}: {each.symbol} {plus_minus(each.value, each.U, 2)} um"
+            for each in largest_of_diagonals(tests)
+        )
+        verdict = f"Largest {'; largest '.join(most)}.\n{verdict}"
+    return Report(f"Positioning test, {standard}", lead, sections, verdict, head=head)
+
+
+def iso230_json(tests: Sequence[AxisTest]) -> dict[str, Any]:
+    """The results for programs, with those of all diagonals where there are some."""
+    diagonals = [test for test in tests if test.diagonal]
+    answer: dict[str, Any] = {"axes": [test.json() for test in tests]}
+    return answer | ({"diagonals": tests[0].listed(largest_of_diagonals(diagonals))} if diagonals else {})
 
 
 def _verdict(test: AxisTest) -> str:
@@ -43,8 +66,12 @@ def _verdict(test: AxisTest) -> str:
         for name in IN_THE_VERDICT
         if name in values
     ]
-    text = f"Axis {test.axis}: {', '.join(parts) or 'no target has readings in both directions'}."
+    text = f"{_noun(test)} {test.axis}: {', '.join(parts) or 'no target has readings in both directions'}."
     return " ".join([text, *_disagreeing(test)])
+
+
+def _noun(test: AxisTest) -> str:
+    return "Diagonal" if test.diagonal else "Axis"
 
 
 def _disagreeing(test: AxisTest) -> Iterator[str]:
@@ -65,17 +92,32 @@ def _disagreeing(test: AxisTest) -> Iterator[str]:
 def _sections(test: AxisTest, text: str) -> Iterator[Section]:
     """Chart and tables of an axis; `text`: above the chart."""
     unit = test.unit
-    yield Section(f"Axis {test.axis}: chart", text, figure=partial(_chart, test))
+    yield Section(f"{_noun(test)} {test.axis}: chart", text, figure=partial(_chart, test))
     values = [(value.symbol, value.title, number(value.value), _uncertainty(value.U)) for value in test.values]
     head = [f"value, {unit}", f"U (k=2, instrument), {unit}"]
-    yield Section(f"Axis {test.axis}: ISO 230-2:2014", table=Table(("symbol", "parameter", *head), values))
+    standard = "ISO 230-6" if test.diagonal else "ISO 230-2:2014"
+    yield Section(f"{_noun(test)} {test.axis}: {standard}", table=Table(("symbol", "parameter", *head), values))
+    yield _others(test)
     rows = []
     for i, position in enumerate(test.positions):
         cells = [cell for direction in range(len(DIRECTIONS)) for cell in _cells(test, direction, i)]
         rows.append((f"{position:g}", *cells, number(test.reversal[i])))
     head = [cell for direction in DIRECTIONS for cell in (f"{direction} mean", "s", "runs")]
     table = Table((f"target, {test.position_unit}", *head, "reversal B_i"), rows)
-    yield Section(f"Axis {test.axis}: deviations in {unit}", "Deviations are measured minus target.", table)
+    yield Section(f"{_noun(test)} {test.axis}: deviations in {unit}", "Deviations are measured minus target.", table)
+
+
+def _others(test: AxisTest) -> Section:
+    """The values by older standards."""
+    rows = [
+        (standard, value.symbol, value.title, number(value.value), _uncertainty(value.U))
+        for standard, values in test.others.items()
+        for value in values
+    ]
+    head = ("standard", "symbol", "parameter", f"value, {test.unit}", f"U (k=2, instrument), {test.unit}")
+    return Section(
+        f"{_noun(test)} {test.axis}: the same readings by older standards", OLDER, Table(head, rows), detail=True
+    )
 
 
 def _chart(test: AxisTest) -> Figure:

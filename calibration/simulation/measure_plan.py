@@ -22,6 +22,7 @@ from calibration.simulation.simulate import (
     observe,
     read_out,
     spoil,
+    stationed,
     tracker_pose,
     with_temperatures,
 )
@@ -29,7 +30,7 @@ from calibration.simulation.touch_probe import Spheres, into_positions, probed
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
-from kinematics.machine import Machine
+from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
@@ -39,6 +40,8 @@ AWAY_MM = 1500.0
 """Distance from the volume to a tracker without a given position, mm."""
 NEAREST_MM = 1.0
 """Smallest distance of a target from a tracker, mm; a closer one has no direction."""
+REACH = "--elevation, --incidence and --beam-mm"
+"""Options of the limits of a beam."""
 SETUP_S = 1200.0
 """Time to move a tracker, s; virtual calibration paper, 3.2."""
 
@@ -105,7 +108,7 @@ def measure_plan(
         return _probed(plan, model, virtual, virtual.instrument, draws)
     if plan.spheres:
         raise UserError(f"--instrument {virtual.instrument.kind()}: a plan of spheres needs --instrument touch-probe")
-    state, poses, notes = _stationed(plan, virtual, draws[0])
+    state, poses, stated, notes = _stationed(plan, virtual, draws[0])
     state, kinds = virtual.instrument.planned(state)
     check_names(model.effects, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
     state = with_temperatures(state, virtual.temperatures) if virtual.temperatures else state
@@ -125,7 +128,7 @@ def measure_plan(
     )  # fmt: skip
     if poses is not None:
         check_distance(measured)
-    measured, spoiled = spoil(read_out(measured), virtual.faults, draws[2])
+    measured, spoiled = spoil(read_out(replace(measured, spheres=stated)), virtual.faults, draws[2])
     if not len(measured):
         raise UserError("--missing leaves no observation: choose a smaller share")
     return Simulated(measured, (*notes, *unseen), spoiled)
@@ -135,7 +138,7 @@ def _probed(
     plan: Plan, model: ErrorModel, virtual: VirtualInstrument, probe: TouchProbe, draws: Sequence[np.random.Generator]
 ) -> Simulated:
     """The virtual measurement of a touch probe; draws as of `measure_plan`."""
-    refused = {"--tracker": virtual.trackers, "--elevation and --incidence": virtual.reach}
+    refused = {"--tracker": virtual.trackers, REACH: virtual.reach}
     for option, given in refused.items():
         if given:
             raise UserError(f"{option}: no option of --instrument touch-probe")
@@ -174,7 +177,8 @@ def tracker_poses(
 
 def check_distance(measured: Measurement) -> None:
     """UserError for a target inside the tracker."""
-    far = np.linalg.norm(measured.observed, axis=1) >= NEAREST_MM
+    points = measured.state.need("observed", "a tracker")
+    far = np.linalg.norm(points, axis=1) >= NEAREST_MM
     if not far.all():
         row = int(np.argmin(far))
         assert measured.state.station is not None
@@ -203,14 +207,17 @@ def _before(machine: Machine, positions: Array) -> tuple[float, float, float]:
 
 def _stationed(
     plan: Plan, virtual: VirtualInstrument, rng: np.random.Generator
-) -> tuple[State, Mapping[str, Pose] | None, tuple[str, ...]]:
-    """The measured states, once for each station, the poses of a tracker at its stations, and notes."""
+) -> tuple[State, Mapping[str, Pose] | None, Mapping[str, Vector], tuple[str, ...]]:
+    """The measured states, poses of the instrument at its stations, positions that the plan states, and notes."""
     if not virtual.instrument.STATIONED:
         if virtual.trackers:
             raise UserError(f"--tracker is no option of --instrument {virtual.instrument.kind()}: leave it out")
-        return plan.state, None, ()
+        return (replace(plan.state, station=None) if plan.stations else plan.state), None, {}, ()
+    if plan.stations:
+        state, stations = stationed(plan, virtual.trackers)
+        return state, {name: tracker_pose(position, rng) for name, position in stations.items()}, stations, ()
     poses, notes = tracker_poses(plan.machine, plan.positions, virtual.trackers, rng)
-    return at_stations(plan.state, list(poses), SETUP_S), poses, notes
+    return at_stations(plan.state, list(poses), SETUP_S), poses, {}, notes
 
 
 def _reached(
@@ -220,7 +227,7 @@ def _reached(
     if virtual.reach is None:
         return np.arange(len(state)), ()
     if poses is None:
-        raise UserError("--elevation and --incidence are options of --instrument laser-tracker")
+        raise UserError(f"{REACH} are options of --instrument laser-tracker and ranging")
     blank = Measurement(
         plan.machine, virtual.instrument, state, np.zeros((len(state), 3)), plan.targets,
         stands_on=virtual.stands_on, run=None,

@@ -14,11 +14,13 @@ import numpy as np
 
 from calibration.instruments import Instrument
 from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Target, with_moves
+from calibration.measurement.plan import Plan
 from calibration.observation.equations import covariance
 from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
+from kinematics.user_error import UserError
 
 AT_A_TIME = 32_768
 """Number of rows evaluated together, which limits the memory."""
@@ -99,6 +101,23 @@ def at_stations(state: State, stations: Sequence[str], pause_s: float = 0.0) -> 
         later = np.arange(len(stations)) * (time[-1] + pause_s)
         time = np.tile(time, len(stations)) + np.repeat(later, n)
     return replace(every, station=np.repeat(list(stations), n), time=time)
+
+
+def stationed(plan: Plan, places: Sequence[Vector]) -> tuple[State, dict[str, Vector]]:
+    """The states of a plan at its stations, and the positions of these by name, mm.
+
+    A plan without stations is repeated at each of the places; for a plan with stations they are the positions of these,
+    in their order. UserError for another number of them.
+    """
+    if not plan.stations:
+        named = {f"s{k}": place for k, place in enumerate(places, start=1)}
+        return (at_stations(plan.state, list(named)) if named else plan.state), named
+    if places and len(places) != len(plan.stations):
+        raise UserError(
+            f"the plan has the stations {', '.join(plan.stations)}, but {len(places)} positions of the instrument "
+            "(tracker) are given: give one for each of them, in this order, or none"
+        )
+    return plan.state, dict(zip(plan.stations, places or plan.stations.values(), strict=True))
 
 
 def with_temperatures(state: State, courses: Mapping[str, tuple[float, float]]) -> State:

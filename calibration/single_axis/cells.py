@@ -8,6 +8,10 @@ import numpy as np
 
 from kinematics.transforms import Array
 
+FORWARD, BACKWARD = 0, 1
+DIRECTIONS = ("forward", "backward")
+"""Rows of the cells."""
+
 
 class Cells(NamedTuple):
     """Values `(2, m)` of the readings by direction, forward (0) or backward (1), and by target, in their unit."""

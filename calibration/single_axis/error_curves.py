@@ -219,7 +219,7 @@ def fitted(shape: Shape, positions: Array, motions: RigidMotions, priors: Priors
     sizes = bands.likeliest_sizes(equations, priors, STEPS)
     posterior = Posterior.of(equations, sizes[bands.bands], 1.0)
     own = posterior.covariance * prior[:, None]
-    determined = posterior.determined(sizes[bands.bands])
+    determined = posterior.determined
     wider = sizes * bands.wider(summed(bands.bands, determined, len(sizes)), priors)
     between = own * (wider / sizes**2)[bands.bands]
     estimator = own @ rows.T @ motions.whitening

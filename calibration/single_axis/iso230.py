@@ -25,16 +25,17 @@ runs is contained in the s_i and not in U; the specification does not give it, a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement
-from calibration.single_axis.cells import cells_of
+from calibration.single_axis.cells import BACKWARD, DIRECTIONS, FORWARD, cells_of
 from calibration.single_axis.disagreeing_readings import Astray, disagreeing, from_the_others, named
+from calibration.single_axis.missing_readings import one_way_remarks, remarks
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion, unit_of
 from kinematics.effects.base import own_component, own_motion
@@ -43,14 +44,10 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from rendering.shown import Shown
 
-FORWARD, BACKWARD = 0, 1
-DIRECTIONS = ("forward", "backward")
 ORDER = ("B", "mean", "E", "M", "R", "A")
 """Order of the values, by the first word of their symbols."""
 DIGITS = 6
 """Decimals, mm or degrees, to which target positions are rounded; equal ones are one target."""
-RUNS, TARGETS = 5, 5
-"""Least numbers by ISO 230-2 for axes up to 2 m: runs in each direction, target positions."""
 
 
 class Value(NamedTuple):
@@ -76,12 +73,23 @@ class TableRow(NamedTuple):
     n: int
 
 
+class Readings(NamedTuple):
+    """Readings `(n,)` in the order of acquisition."""
+
+    target: Array
+    """Target positions, mm or degrees."""
+    direction: np.ndarray
+    """FORWARD or BACKWARD."""
+    deviation: Array
+    """Measured minus target, um or urad."""
+
+
 @dataclass(frozen=True, repr=False)
 class AxisTest(Shown):
     """The readings of one axis in cells `(2, m)` of direction and target, forward first; um, urad for a rotary axis."""
 
     axis: str
-    """Name of the axis."""
+    """Name of the axis, or of a diagonal: `X+Y-Z`."""
     rotary: bool
     """True for a rotary axis, with degrees and urad instead of mm and um."""
     positions: Array
@@ -104,12 +112,19 @@ class AxisTest(Shown):
     """Readings that disagree with the others of their target and direction; they count in every value."""
     without: tuple[Value, ...] = ()
     """The values of the axis without them; empty where there are none."""
+    others: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
+    """The values by older standards."""
 
     @property
     def headline(self) -> str:
         """The result in a few words."""
         values = ", ".join(f"{each.symbol} {each.value:.3g}" for each in self.values[:4])
         return f"{self.axis}: {values} {self.unit}"
+
+    @property
+    def diagonal(self) -> bool:
+        """True for a diagonal, `X+Y-Z`, in place of an axis."""
+        return not self.axis.isalnum()
 
     @property
     def unit(self) -> str:
@@ -132,16 +147,27 @@ class AxisTest(Shown):
         return np.asarray(self.mean[FORWARD] - self.mean[BACKWARD])
 
     @property
+    def one_way_notes(self) -> tuple[str, ...]:
+        """Notes where E or A of both directions leaves out targets that make it larger; empty otherwise."""
+        values = {each.symbol: each.value for each in self.values}
+        return tuple(one_way_remarks(self.axis, self.unit, values))
+
+    @property
     def values(self) -> tuple[Value, ...]:
         """The values of the axis that the readings allow."""
+        return self.values_with(2.0)
+
+    def values_with(self, k: float) -> tuple[Value, ...]:
+        """The values with k estimators s to each side of a mean in A, and 2 k in R."""
         found = []
         for direction, name in enumerate(DIRECTIONS):
             cells = np.zeros((2, len(self.positions)), bool)
             cells[direction] = True
-            found += self._ranges(cells, name, f" {name}")
+            found += self._ranges(cells, name, f" {name}", k)
         if self.both.any():
             found += self._reversals()
-            found += self._ranges(np.broadcast_to(self.both, (2, len(self.positions))), "", ", both directions")
+            cells = np.broadcast_to(self.both, (2, len(self.positions)))
+            found += self._ranges(cells, "", ", both directions", k)
         return tuple(sorted(found, key=lambda value: ORDER.index(value.symbol.split()[0])))
 
     def table(self, direction: int) -> tuple[TableRow, ...]:
@@ -159,6 +185,8 @@ class AxisTest(Shown):
 
         For one direction only: its table. Standard uncertainties as in the tables, k = 1.
         """
+        if self.diagonal:
+            raise UserError(f"{self.axis}: a diagonal moves several axes, and has no error motion of its own")
         directions = [direction for direction in (FORWARD, BACKWARD) if self.count[direction].any()]
         used = (self.count[directions] > 0).all(axis=0)
         if used.sum() < 2:
@@ -184,7 +212,7 @@ class AxisTest(Shown):
         p, e = self.position_unit, self.unit
         return {
             "axis": self.axis,
-            "values": {value.symbol: {f"value_{e}": value.value, f"U_{e}": value.U} for value in self.values},
+            "values": self.listed(self.values),
             "targets": [
                 {
                     f"position_{p}": float(self.positions[i]),
@@ -205,43 +233,48 @@ class AxisTest(Shown):
                 {"where": each.where, "run": each.run, f"deviation_{e}": each.deviation} for each in self.astray
             ],
             "values_without_astray": {value.symbol: value.value for value in self.without},
+            "other_standards": {standard: self.listed(values) for standard, values in self.others.items()},
         }
+
+    def listed(self, values: Iterable[Value]) -> dict[str, dict[str, float]]:
+        """Values by their symbols, as JSON."""
+        return {each.symbol: {f"value_{self.unit}": each.value, f"U_{self.unit}": each.U} for each in values}
 
     def _reversals(self) -> list[Value]:
         where = np.flatnonzero(self.both)
         largest = where[np.argmax(np.abs(self.reversal[where]))]
         one, every = np.zeros((2, 2, len(self.positions)))
-        one[:, largest] = _size(self.reversal[largest])
+        one[:, largest] = signed_size(self.reversal[largest])
         every[:, where] = np.array([[1.0], [-1.0]]) / len(where)
         middle = np.zeros((2, len(self.positions)))
         centres = self.mean[:, where].mean(axis=0)
         middle[:, where[np.argmax(centres)]] += 0.5
-        middle[:, where[_last_least(centres)]] -= 0.5
+        middle[:, where[last_least(centres)]] -= 0.5
         none = np.zeros_like(one)
         return [
-            self._value("B", "reversal value", one, none),
-            self._value("mean B", "mean reversal value (forward minus backward)", every, none),
-            self._value("M", "mean bidirectional positioning deviation, range", middle, none),
+            self.combined("B", "reversal value", one, none),
+            self.combined("mean B", "mean reversal value (forward minus backward)", every, none),
+            self.combined("M", "mean bidirectional positioning deviation, range", middle, none),
         ]
 
-    def _ranges(self, cells: np.ndarray, name: str, title: str) -> list[Value]:
+    def _ranges(self, cells: np.ndarray, name: str, title: str, k: float) -> list[Value]:
         """E, R and A over the cells of a mask `(2, m)`."""
         found = []
         measured = cells & (self.count > 0)
         if measured.any():
             mean, none = self._span(measured, self.mean, self.mean), np.zeros(cells.shape)
-            found.append(self._value(f"E {name}".strip(), f"systematic deviation{title}", mean, none))
+            found.append(self.combined(f"E {name}".strip(), f"systematic deviation{title}", mean, none))
         repeated = cells & (self.count > 1)
         if name == "":
             repeated &= repeated.all(axis=0)
         if repeated.any():
-            high, low = self.mean + 2 * self.spread, self.mean - 2 * self.spread
+            high, low = self.mean + k * self.spread, self.mean - k * self.spread
             mean, spread = self._span(repeated, high, low), np.zeros(cells.shape)
-            spread[_highest(repeated, high)] += 2.0
-            spread[_highest(repeated, -low, last=True)] += 2.0
+            spread[_highest(repeated, high)] += k
+            spread[_highest(repeated, -low, last=True)] += k
             found += [
-                self._repeatability(repeated, name, title),
-                self._value(f"A {name}".strip(), f"accuracy{title}", mean, spread),
+                self._repeatability(repeated, name, title, k),
+                self.combined(f"A {name}".strip(), f"accuracy{title}", mean, spread),
             ]
         return found
 
@@ -252,20 +285,20 @@ class AxisTest(Shown):
         mean[_highest(cells, -low, last=True)] -= 1.0
         return mean
 
-    def _repeatability(self, cells: np.ndarray, name: str, title: str) -> Value:
+    def _repeatability(self, cells: np.ndarray, name: str, title: str, k: float) -> Value:
         mean, spread = np.zeros((2, *cells.shape))
         where = _highest(cells, self.spread)
-        spread[where] = 4.0
+        spread[where] = 2.0 * k
         if name == "":
-            across = np.where(cells.all(axis=0), 2.0 * self.spread.sum(axis=0) + np.abs(self.reversal), -np.inf)
+            across = np.where(cells.all(axis=0), k * self.spread.sum(axis=0) + np.abs(self.reversal), -np.inf)
             widest = int(np.argmax(across))
-            if across[widest] >= 4.0 * self.spread[where]:
+            if across[widest] >= 2.0 * k * self.spread[where]:
                 spread[:] = 0.0
-                spread[:, widest] = 2.0
-                mean[:, widest] = _size(self.reversal[widest])
-        return self._value(f"R {name}".strip(), f"repeatability{title}", mean, spread)
+                spread[:, widest] = k
+                mean[:, widest] = signed_size(self.reversal[widest])
+        return self.combined(f"R {name}".strip(), f"repeatability{title}", mean, spread)
 
-    def _value(self, symbol: str, title: str, mean: Array, spread: Array) -> Value:
+    def combined(self, symbol: str, title: str, mean: Array, spread: Array) -> Value:
         """The value with these factors `(2, m)` of the means and of the s_i, and its U."""
         used_means, used_spreads = mean != 0, spread != 0
         value = np.sum(mean[used_means] * self.mean[used_means]) + np.sum(
@@ -316,53 +349,33 @@ def _axis_test(measurement: Measurement, name: str) -> AxisTest:
     direction = (approach < 0).astype(int)
     readings = measurement.observed[rows, 0] / unit_of(name)[1]
     u = instrument.u_um, 0.0 if axis.rotary else instrument.u_um_per_m
+    return tested(measurement, name, rows, Readings(target, direction, readings), u, rotary=axis.rotary)
+
+
+def tested(
+    measurement: Measurement,
+    name: str,
+    rows: np.ndarray,
+    read: Readings,
+    u: tuple[float, float],
+    *,
+    rotary: bool,
+) -> AxisTest:
+    """The test of an axis, or of a diagonal, from its rows; u: of a reading, um, and of the scale, um per m (k = 1)."""
+
+    invented = (f"{name}: the data are simulated, and describe no real machine",) if measurement.simulated else ()
 
     def test(kept: NDArrayBool) -> AxisTest:
-        cells = cells_of(target[kept], direction[kept], readings[kept])
-        notes = tuple(_remarks(name, axis.unit, cells.positions, cells.counts))
-        return AxisTest(name, axis.rotary, *cells, float(target[0]), *u, notes)
+        cells = cells_of(read.target[kept], read.direction[kept], read.deviation[kept])
+        notes = tuple(remarks(name, "deg" if rotary else "mm", cells.positions, cells.counts))
+        found = AxisTest(name, rotary, *cells, float(read.target[0]), *u, (*notes, *invented))
+        return replace(found, notes=(*notes, *found.one_way_notes, *invented))
 
     whole = test(np.ones(len(rows), bool))
-    away = from_the_others(target, direction, readings)
-    kept = ~disagreeing(away, instrument.u_um, int(np.count_nonzero(whole.count)))
+    away = from_the_others(read.target, read.direction, read.deviation)
+    kept = ~disagreeing(away, u[0], int(np.count_nonzero(whole.count)))
     astray = tuple(named(measurement, rows[~kept], away[~kept]))
     return replace(whole, astray=astray, without=test(kept).values) if astray else whole
-
-
-def _remarks(name: str, unit: str, positions: Array, count: np.ndarray) -> list[str]:
-    """Notes on deviations of the test from ISO 230-2."""
-    directions = [direction for direction in (FORWARD, BACKWARD) if count[direction].any()]
-    remarks = []
-    if len(directions) == 1:
-        remarks.append(
-            f"{name}: {DIRECTIONS[directions[0]]} runs only: the reversal value and all bidirectional values are "
-            "missing"
-        )
-    for direction in directions:
-        runs = count[direction]
-        without = positions[runs == 0]
-        if len(without):
-            remarks.append(f"{name}: no {DIRECTIONS[direction]} reading at {_listed(without)} {unit}")
-        if len(set(runs[runs > 0].tolist())) > 1:
-            fewer = positions[(runs > 0) & (runs < runs.max())]
-            remarks.append(
-                f"{name}: fewer than {runs.max()} {DIRECTIONS[direction]} readings at {_listed(fewer)} {unit}"
-            )
-    if count.max() == 1:
-        remarks.append(f"{name}: one run only: the repeatability is unknown (no s, R and A)")
-    elif count[directions].min() < RUNS or len(positions) < TARGETS:
-        least, most = int(count[directions].min()), int(count.max())
-        readings = f"{least} to {most}" if least < most else str(most)
-        remarks.append(
-            f"{name}: {len(positions)} targets, {readings} readings each: "
-            f"ISO 230-2 requires at least {TARGETS} targets and {RUNS} runs in each direction"
-        )
-    return remarks
-
-
-def _listed(positions: Sequence[float] | Array) -> str:
-    shown = ", ".join(f"{position:g}" for position in positions[:5])
-    return f"{shown}, ... ({len(positions)} targets)" if len(positions) > 5 else shown
 
 
 def _highest(cells: np.ndarray, values: Array, last: bool = False) -> tuple[int, int]:
@@ -373,12 +386,12 @@ def _highest(cells: np.ndarray, values: Array, last: bool = False) -> tuple[int,
     return int(direction), int(target)
 
 
-def _last_least(values: Array) -> int:
+def last_least(values: Array) -> int:
     """Index of the smallest value; the last of equal ones, so that a range of zero also has two different readings."""
     return len(values) - 1 - int(np.argmin(values[::-1]))
 
 
-def _size(reversal: float) -> Array:
+def signed_size(reversal: float) -> Array:
     """Factors `(2,)` of the means in |B_i|; not zero for B_i = 0, because noise alone makes it differ from zero."""
     return np.array([1.0, -1.0]) * (-1.0 if reversal < 0 else 1.0)
 

@@ -87,22 +87,17 @@ def solve(axis: Axis, q: Array, points: Array, weights: Array) -> RigidMotions:
     none = np.zeros((n, 6))
     nominal = outward(axis, q, none)
     body = np.mean([nominal.inverse().apply(points[:, j]) for j in range(k)], axis=1)
-    carried = _carried(nominal, body)
-    design = np.zeros((n, k, 3, 6 * n + 3 * k))
-    by_error = error_design(axis, q, carried) * UNITS
-    for i in range(n):
-        design[i, :, :, 6 * i : 6 * i + 6] = by_error[i]
-        for j in range(k):
-            design[i, j, :, 6 * n + 3 * j : 6 * n + 3 * j + 3] = nominal.rotation[i if len(nominal.rotation) > 1 else 0]
-    gauge, location = _conditions(axis, _free(axis, q, carried, nominal))
-    weighted = weights @ design
-    flat, flat_weighted = design.reshape(3 * k * n, -1), weighted.reshape(3 * k * n, -1)
-    normal = flat.T @ flat_weighted
-    estimator = _constrained(normal, np.pad(gauge, ((0, 0), (0, 3 * k)))) @ flat_weighted.T
+    gauge, location = _conditions(axis, _free(axis, q, _carried(nominal, body), nominal))
+    conditions = np.pad(gauge, ((0, 0), (0, 3 * k)))
     errors = none
     for _ in range(ROUNDS):
-        misfit = points - _carried(outward(axis, q, errors * UNITS), body)
-        step = estimator @ misfit.reshape(-1)
+        pose = outward(axis, q, errors * UNITS)
+        carried = _carried(pose, body)
+        design = _design(axis, q, carried, pose)
+        weighted = (weights @ design.reshape(n, k, 3, -1)).reshape(design.shape)
+        normal = design.T @ weighted
+        estimator = _constrained(normal, conditions) @ weighted.T
+        step = estimator @ (points - carried).reshape(-1)
         errors, body = errors + step[: 6 * n].reshape(n, 6), body + step[6 * n :].reshape(k, 3)
         if np.abs(step * np.append(np.tile(UNITS, n), np.ones(3 * k))).max() < CONVERGED:
             break
@@ -110,6 +105,22 @@ def solve(axis: Axis, q: Array, points: Array, weights: Array) -> RigidMotions:
     cross = normal[ours, theirs]
     information = normal[ours, ours] - cross @ np.linalg.solve(normal[theirs, theirs], cross.T)
     return RigidMotions(errors, estimator[ours], information, gauge, location, body, estimator[theirs])
+
+
+def _design(axis: Axis, q: Array, carried: Array, pose: Pose) -> Array:
+    """Derivatives `(3kn, 6n + 3k)` of the carried points by error motions, um and urad, and by the body, mm.
+
+    Of rotation vectors only the space that the columns span is exact, which decides where the sum of squares is least.
+    """
+    n, k = carried.shape[:2]
+    design = np.zeros((n, k, 3, 6 * n + 3 * k))
+    by_error = error_design(axis, q, carried) * UNITS
+    rotation = np.broadcast_to(pose.rotation, (n, 3, 3))
+    for i in range(n):
+        design[i, :, :, 6 * i : 6 * i + 6] = by_error[i]
+    for j in range(k):
+        design[:, j, :, 6 * n + 3 * j : 6 * n + 3 * j + 3] = rotation
+    return design.reshape(3 * n * k, -1)
 
 
 def _carried(pose: Pose, body: Array) -> Array:

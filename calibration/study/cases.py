@@ -144,8 +144,7 @@ def _case(
         elif entry.distances or entry.spheres != DEFAULT_SPHERES:
             raise UserError('spheres and distances are of instrument = { kind = "touch-probe" }')
         elif entry.strategy == OPTIMISED:
-            best = optimised(machine, instrument, _wish(entry, trackers, reach, machine))
-            plan, trackers = best.plan, (best.tracker,)
+            plan, trackers = optimised(machine, instrument, _wish(entry, trackers, reach, machine)).plan, ()
         else:
             plan = _plan(entry, machine, folder)
         tool = next(iter(plan.targets.values())).position
@@ -157,7 +156,7 @@ def _case(
             entry.name,
             plan,
             instrument,
-            trackers,
+            trackers or tuple(plan.stations.values()),
             reach,
             sensors,
             fit,
@@ -221,12 +220,14 @@ def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, m
         [obstacle_of(box) for box in entry.obstacles],
         read_effects(entry.visible, machine, "visible"),
         entry.candidates,
+        entry.stations,
+        entry.targets,
     )
 
 
 def _plan(entry: CaseEntry, machine: Machine, folder: Path) -> Plan:
-    if entry.minutes is not None or entry.obstacles or entry.visible:
-        raise UserError(f'minutes, obstacles and visible are of strategy = "{OPTIMISED}"')
+    if any((entry.minutes, entry.obstacles, entry.visible, entry.stations, entry.targets)):
+        raise UserError(f'minutes, obstacles, visible, stations and targets are of strategy = "{OPTIMISED}"')
     if entry.strategy.lower().endswith(".csv"):
         if entry.points is not None or entry.spacing_mm is not None or entry.tools:
             raise UserError(f"{entry.strategy} has its own positions and tools: delete points, spacing_mm and tools")

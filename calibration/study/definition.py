@@ -24,7 +24,7 @@ DEFAULT_SPHERES = 3
 class InstrumentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The instrument: standard uncertainties (k=1) by their keys in a measurement file, and its reach."""
 
-    kind: Literal["laser-tracker", "interferometer", "part", "touch-probe"] = "laser-tracker"
+    kind: Literal["laser-tracker", "ranging", "interferometer", "part", "touch-probe"] = "laser-tracker"
     u_range_um: float | None = None
     u_range_um_per_m: float | None = None
     u_angle_um: float | None = None
@@ -95,6 +95,10 @@ class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     elevation: Range | None = None
     incidence_deg: Positive | None = None
     """Largest incidence, degrees, instead of the instrument's; 180 for an active reflector."""
+    stations: Annotated[int, msgspec.Meta(ge=1)] | None = None
+    """Number of stations of an optimised plan, chosen among `tracker`; without it that of the instrument."""
+    targets: Annotated[int, msgspec.Meta(ge=1)] | None = None
+    """Number of tools of an optimised plan, chosen among `tools`; without it all."""
     minutes: Positive | None = None
     """Duration, min, of an optimised plan, instead of points; candidates, obstacles and visible are for it too."""
     candidates: Annotated[int, msgspec.Meta(ge=100, le=20_000)] = 2000

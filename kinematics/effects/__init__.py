@@ -23,7 +23,7 @@ from kinematics.effects.combined.thermal import (
     WorkpieceDrift,
     WorkpieceDriftWithSensor,
 )
-from kinematics.effects.control import ControlTable
+from kinematics.effects.control import ControlTable, WorkpieceSurface
 from kinematics.effects.drive import (
     Backlash,
     Cyclic,
@@ -46,7 +46,7 @@ from kinematics.effects.instrument import (
     UnknownApproach,
 )
 from kinematics.effects.load import CrossAxis, JointCompliance, RamSag
-from kinematics.effects.location import LocationError, LocationJump, Scale
+from kinematics.effects.location import LocationError, LocationJump, Scale, ToolShift, after_touch_off
 from kinematics.effects.probe import ProbeLobing
 from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.effects.tracker import (
@@ -55,6 +55,7 @@ from kinematics.effects.tracker import (
     AngleHarmonic,
     AngleStep,
     RangeDrift,
+    RangeJump,
     RangeOffset,
 )
 from kinematics.effects.unnamed import Unnamed
@@ -63,13 +64,13 @@ from kinematics.running.plugins import Plugin
 from kinematics.user_error import UserError
 
 _ORDER = """
-error-motion location location-jump scale cross-axis racking wobble joint-compliance ram-sag backlash reversal
-lateral-play hysteresis reversal-spike cyclic quantised-compensation control-table following-error
+error-motion location location-jump tool-shift scale cross-axis racking wobble joint-compliance ram-sag backlash
+reversal lateral-play hysteresis reversal-spike cyclic quantised-compensation control-table surface following-error
 servo-mismatch settling first-cycle thermal-drift thermal-drift-sensor thermal-drift-duty
 thermal-drift-workpiece thermal-drift-workpiece-sensor thermal-scale thermal-scale-sensor
 thermal-scale-quadratic thermal-scale-duty thermal-distortion thermal-distortion-sensor unnamed station-shift
-tracker-drift tracker-range tracker-range-drift air-scale air-scale-drift tracker-angle tracker-angle-step
-target-offset late-read-back probe-lobing cmm-scale cmm-squareness unknown-approach outliers
+tracker-drift tracker-range tracker-range-drift range-jump air-scale air-scale-drift tracker-angle
+tracker-angle-step target-offset late-read-back probe-lobing cmm-scale cmm-squareness unknown-approach outliers
 """
 """Kinds in the order of the table; one that is not named here follows at its end."""
 
@@ -166,6 +167,7 @@ __all__ = [
     "Racking",
     "RamSag",
     "RangeDrift",
+    "RangeJump",
     "RangeOffset",
     "Remedy",
     "Reversal",
@@ -176,12 +178,15 @@ __all__ = [
     "StationShift",
     "TargetOffset",
     "ThermalDrift",
+    "ToolShift",
     "TrackerDrift",
     "UnknownApproach",
     "Unnamed",
     "Wobble",
     "WorkpieceDrift",
     "WorkpieceDriftWithSensor",
+    "WorkpieceSurface",
     "Workshop",
+    "after_touch_off",
     "unit_of",
 ]

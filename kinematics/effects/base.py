@@ -267,6 +267,11 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return {self.axis: self.basis.interval} if hasattr(self, "axis") and hasattr(self, "basis") else {}
 
     @property
+    def area(self) -> Mapping[str, Interval]:
+        """Interval of each axis, mm, of a surface that is cut, whose heights count from the work zero; else empty."""
+        return {}
+
+    @property
     def feature_lengths(self) -> Mapping[str, float]:
         """Shortest feature length of its errors by axis, mm or degrees; without axes on which they are straight."""
         return {}

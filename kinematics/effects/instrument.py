@@ -22,7 +22,7 @@ from kinematics.effects.base import (
     unit_of,
 )
 from kinematics.effects.combined.when import AtRate, FromMoment
-from kinematics.effects.combined.where import AtStation, OfInstrument, observed
+from kinematics.effects.combined.where import AtStation, OfInstrument, in_station, observed
 from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -59,8 +59,7 @@ class StationShift(AtStation, FromMoment, frozen=True, tag="station-shift"):
 
     def at_place(self, machine: Machine, state: State, course: Array) -> Iterator[Columns]:
         """See `Course.at_place`: in one station."""
-        here = state.need("station", self.name) == self.station
-        return super().at_place(machine, state, course * here[:, None])
+        return super().at_place(machine, state, course * in_station(state, self.station, self.name))
 
 
 class TrackerDrift(AtStation, AtRate, frozen=True, tag="tracker-drift"):

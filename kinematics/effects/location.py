@@ -19,7 +19,7 @@ from kinematics.effects.base import (
     own_motion,
 )
 from kinematics.effects.combined.when import Always, FromMoment
-from kinematics.effects.combined.where import OfLine, changed_line
+from kinematics.effects.combined.where import AtTool, Direction, OfLine, changed_line
 from kinematics.effects.records import Columns, InControl, Parameter, Workshop
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -121,6 +121,8 @@ class LocationJump(OfLine, FromMoment, frozen=True, tag="location-jump"):
     since_s: float | None = None
     fixed_point: float = 0.0
     """Position of a linear axis, mm, that the turn of its line leaves where it is."""
+    since_touch_off: bool | msgspec.UnsetType = msgspec.UNSET
+    """True where it came after the work offsets were touched off, which therefore do not contain it."""
 
     @property
     def turns(self) -> bool:
@@ -158,6 +160,34 @@ class LocationJump(OfLine, FromMoment, frozen=True, tag="location-jump"):
         return msgspec.structs.replace(self, since_s=None)
 
 
+class ToolShift(AtTool, Always, frozen=True, tag="tool-shift"):
+    """The tool point is displaced in the tool's own directions: a longer spindle or tool, a head that bends.
+
+    A spindle that has grown brings the tool to -Z. On a machine without a rotary axis in the head it is the zero of a
+    linear axis; behind such an axis it turns with it. ISO 230-3 (thermal distortion caused by the rotating spindle).
+    """
+
+    TITLE: ClassVar[str] = "shift of the tool point in the tool's own directions (length of spindle and tool)"
+    OF_AXIS_LINE = True
+    SHOWN_OVER = "rows"
+    SHOWN_BY = "several positions of the rotary axes of the head"
+    WORKSHOP = Workshop(
+        "The spindle or the tool has another length than when it was measured.",
+        "Measure the length of the tool again at the temperature of the cut.",
+    )
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("value", "um", 20.0),)
+
+    component: Direction
+    value: float
+    since_touch_off: bool | msgspec.UnsetType = msgspec.UNSET
+    """As of `location-jump`."""
+
+    @property
+    def line_name(self) -> str:
+        """The tool, in its own direction."""
+        return f"shift of the tool in its own {self.component}"
+
+
 class Scale(EffectBase, frozen=True, tag="scale"):
     """The scale of a linear axis: it goes too far by the scale times its position, E_YY = scale y.
 
@@ -182,6 +212,8 @@ class Scale(EffectBase, frozen=True, tag="scale"):
 
     axis: str
     scale: float
+    since_touch_off: bool | msgspec.UnsetType = msgspec.UNSET
+    """As of `location-jump`."""
 
     def __post_init__(self) -> None:
         if self.axis[0] in "ABC":
@@ -197,6 +229,11 @@ class Scale(EffectBase, frozen=True, tag="scale"):
         """See `EffectBase.columns`."""
         i, k, sign = own_motion(machine, self.axis)
         yield Columns(i, k, sign * UM * 1e-3 * state.positions[:, [i]])
+
+
+def after_touch_off(effect: EffectBase) -> bool:
+    """True for a drift that has come since the work offsets were touched off, and goes on."""
+    return getattr(effect, "since_touch_off", False) is True
 
 
 def line_name(component: str, axis: str) -> str:

@@ -12,12 +12,13 @@ import msgspec
 import numpy as np
 
 from kinematics.effects.base import URAD
-from kinematics.effects.combined.when import Always, AtRate
-from kinematics.effects.combined.where import InAir, InRange, OfInstrument, beam, observed
+from kinematics.effects.combined.when import Always, AtRate, FromMoment
+from kinematics.effects.combined.where import InAir, InRange, OfInstrument, beam, in_station, observed
 from kinematics.effects.instrument import WARM_UP
 from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.machine import Machine
 from kinematics.state import State
+from kinematics.transforms import Array
 
 THREE_STATIONS = "three stations at very different azimuths, or both faces of the tracker"
 Circle = Literal["azimuth", "elevation"]
@@ -39,6 +40,30 @@ class RangeOffset(InRange, Always, frozen=True, tag="tracker-range"):
     offset_um: float
 
 
+class RangeJump(InRange, FromMoment, frozen=True, tag="range-jump"):
+    """The ranges of one station are read too long from a moment on: a break of the beam that was not noticed."""
+
+    TITLE: ClassVar[str] = "jump of the ranges of a station at a moment (counts lost at a break of the beam)"
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "station", "time")
+    LABEL: ClassVar[tuple[str, ...]] = ("station",)
+    RARE = True
+    SHOWN_OVER = "time"
+    SHOWN_BY = "positions measured once more behind the moment"
+    WORKSHOP = Workshop(
+        "The beam was interrupted, or the reflector turned too far, and counts were lost.",
+        "Begin a new run in the file where the beam was broken.",
+    )
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_um", "um", 20.0),)
+
+    station: str
+    offset_um: float
+    since_s: float | None = None
+
+    def at_place(self, machine: Machine, state: State, course: Array) -> Iterator[Columns]:
+        """See `Course.at_place`: in one station."""
+        return super().at_place(machine, state, course * in_station(state, self.station, self.name))
+
+
 class AirScale(InAir, Always, frozen=True, tag="air-scale"):
     """All ranges are read too long in proportion: refractive index of the air, wavelength."""
 
@@ -56,12 +81,14 @@ class AirScale(InAir, Always, frozen=True, tag="air-scale"):
 class RangeDrift(InRange, AtRate, frozen=True, tag="tracker-range-drift"):
     """The range offset grows with time, from time 0, at a constant rate: the tracker's head or its ADM warms up.
 
+    At one station, where one is named: the air changes along a dead path that the instrument does not correct.
+
     Muralikrishnan, Phillips, Sawyer: Laser trackers for large-scale dimensional metrology, a review. Precision
     Engineering 44 (2016).
     """
 
     TITLE: ClassVar[str] = "drift of the tracker's range offset with time"
-    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "time")
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "station", "time")
     RARE = True
     SHOWN_OVER = "time"
     SHOWN_BY = "fixed references, measured again and again, at two distances in line with the tracker"
@@ -69,6 +96,22 @@ class RangeDrift(InRange, AtRate, frozen=True, tag="tracker-range-drift"):
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_um_per_h", "um/h", 10.0),)
 
     rate_um_per_h: float
+    station: str | None = None
+
+    @property
+    def name(self) -> str:
+        """With the station, where one is named."""
+        return self.kind if self.station is None else f"{self.kind} {self.station}"
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The station only where one is named."""
+        return tuple(name for name in self.NEEDS if name != "station" or self.station is not None)
+
+    def at_place(self, machine: Machine, state: State, course: Array) -> Iterator[Columns]:
+        """See `Course.at_place`: in all stations, or in one."""
+        here = 1.0 if self.station is None else in_station(state, self.station, self.name)
+        return super().at_place(machine, state, course * here)
 
 
 class AirDrift(InAir, AtRate, frozen=True, tag="air-scale-drift"):

@@ -13,7 +13,8 @@ Every effect belongs to one elementary class, by its axis and the direction of i
 L-VOL and R-VOL hold all four, L-VOL+ and R-VOL+ the functional orientation (FOR) as well, which the rotary axes must
 correct. Lines "along which" L-POS, L-STR and L-SQU hold are those through the reference points of the axes. The slope
 of a straightness that is not written as a location error counts as straightness. A compensation table in the control
-contains errors of all classes at once: it can only be selected with all of them. Source: thesis, section 2.9.1.
+contains errors of all classes at once: it can only be selected with all of them. The surface of a workpiece is no error
+of the machine: it is always corrected. Source: thesis, section 2.9.1.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def select(model: ErrorModel, classes: Iterable[str]) -> ErrorModel:
     chosen = set(classes)
     tables = [effect for effect in model.effects if effect.OF_SEVERAL_CLASSES]
     if tables:
-        whole = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
+        whole = [effect for effect in model.effects if effect.ACTS_ON != "instrument" and not effect.area]
         rotary = any(axis[0] in "ABC" for effect in whole for axis in effect.axes)
         needed = _LINEAR.union(_ROTARY if rotary else (), map(class_of, whole))
         if needed - chosen:
@@ -80,4 +81,4 @@ def select(model: ErrorModel, classes: Iterable[str]) -> ErrorModel:
                 f"of several classes: leave it out, or choose {', '.join(sorted(needed - chosen))} as well"
             )
         return model
-    return model.part(lambda effect: class_of(effect) in chosen)
+    return model.part(lambda effect: bool(effect.area) or class_of(effect) in chosen)

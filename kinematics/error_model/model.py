@@ -20,6 +20,7 @@ from kinematics.error_model.effect_sums import Design, total_errors
 from kinematics.error_model.layout import to_json
 from kinematics.error_model.provenance import SIMULATED, VALID_DAYS, MachineReference, Provenance, reference
 from kinematics.files import fingerprint, read_input, write_whole
+from kinematics.files.certificate import carried, is_certificate
 from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
 from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
@@ -27,8 +28,7 @@ from kinematics.transforms import Array
 from kinematics.turn import beyond, gap_of, spread_beyond
 from kinematics.user_error import UserError
 
-ROUNDING = 1e-9
-"""Positions, mm or degrees, come back from rad with an error far below this."""
+ROUNDING = 1e-9  # mm or degrees: positions come back from rad with an error far below this
 LONGEST_FEATURE = np.deg2rad(40.0)
 """rad."""
 PLUGIN = "if it is an effect of your own, name its file with --plugin FILE.py; otherwise "
@@ -70,7 +70,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     @property
     def id(self) -> str:
         """Fingerprint of the content."""
-        return fingerprint(msgspec.json.encode(self))
+        return fingerprint(msgspec.json.encode(msgspec.structs.replace(self, provenance=self.provenance.lasting)))
 
     @property
     def parameters(self) -> Array:
@@ -153,7 +153,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             return self
         effects = tuple(effect for effect, stays in zip(self.effects, kept, strict=True) if stays)
         covariance = None
-        if self.covariance is not None:
+        if effects and self.covariance is not None:
             rows = np.repeat(kept, [part.stop - part.start for part in self.slices])
             covariance = tuple(map(tuple, np.array(self.covariance)[np.ix_(rows, rows)].tolist()))
         return msgspec.structs.replace(self, effects=effects, covariance=covariance)
@@ -266,9 +266,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 def no_errors(machine: Machine) -> ErrorModel:
     """The machine without errors, made today."""
-    today = datetime.datetime.now(datetime.UTC).replace(hour=0, minute=0, second=0, microsecond=0)
-    made = Provenance("ncomp", today)
-    return ErrorModel(machine=reference(machine), provenance=made, effects=())
+    return ErrorModel(machine=reference(machine), provenance=Provenance.of_today(), effects=())
 
 
 def read_model(path: Path, machine: Machine) -> ErrorModel:
@@ -290,7 +288,9 @@ def refuse_other_machine(model: ErrorModel, machine: Machine, name: str) -> None
 
 
 def decode_model(data: bytes, source: str) -> ErrorModel:
-    """The calibration in JSON; `source` names it in the UserError for anything that is wrong with it."""
+    """The calibration in JSON, or in a certificate; `source` names it in the UserError for anything that is wrong."""
+    if is_certificate(data):
+        data = carried(data, source).document
     try:
         data = utf8_content(data, source)
         content = msgspec.json.decode(data, type=dict[str, Any])

@@ -72,6 +72,9 @@ class Priors:
     """The same of a random walk of the tool."""
     fine: float = 0.02
     """The same of errors at each position of an axis, finer than its error motions."""
+    largest_correction_um: float = 500.0
+    """Largest plausible correction of a linear axis, um: machining centres and gantries err by far less, and an offset
+    or a length that is wrong shifts by more."""
 
 
 PRIORS = Priors()
@@ -101,6 +104,11 @@ KINDS: Mapping[str, Kind] = {
         Priors(error_motion_um=300.0, non_repeatability_um=10.0, typical=10.0),
         "a belt whose turn is 0.2 % shorter than its pulley's is off by 0.7 mm in 310 mm (users of Klipper, twelve "
         "printers); belts yield by 0.05 to 0.1 mm at a reversal",
+    ),
+    "router": Kind(
+        Priors(error_motion_um=300.0, non_repeatability_um=10.0, typical=10.0, largest_correction_um=3000.0),
+        "a router with belts is off by -0.3 to 0.5 mm over 300 mm x 300 mm (users of Shapeoko, with a linear scale); "
+        "belts as of printers; a board of 160 mm x 100 mm may bow by 1.5 % of its diagonal, 2.8 mm (IPC-6012B, 3.4.3)",
     ),
     "mount": Kind(
         Priors(error_motion_um=100.0, non_repeatability_um=5.0, typical=3.0),

@@ -19,6 +19,10 @@ VALID_DAYS = 365.0
 """Validity of a calibration without `valid_days`, days."""
 
 
+NOBODY = "ncomp"
+"""The maker of a machine without errors."""
+
+
 class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The machine that a calibration belongs to."""
 
@@ -51,6 +55,18 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Date of the measurement, of several the earliest; without it the date of `made_at` counts."""
     temperatures_degC: dict[str, tuple[float, float]] | msgspec.UnsetType = msgspec.UNSET  # noqa: N815  its unit
     """Lowest and highest temperature of each sensor while the machine was measured, degC."""
+
+    @classmethod
+    def of_today(cls) -> Provenance:
+        """That of a machine without errors."""
+        now = datetime.datetime.now(datetime.UTC)
+        return cls(NOBODY, now.replace(hour=0, minute=0, second=0, microsecond=0))
+
+    @property
+    def lasting(self) -> Provenance:
+        """Without the date of a machine without errors, which is the day of the run."""
+        unix = datetime.datetime.fromtimestamp(0, datetime.UTC)
+        return msgspec.structs.replace(self, made_at=unix) if self.made_by == NOBODY else self
 
     def warn_of_other_plugins(self, effects: Iterable[Effect], name: str) -> None:
         """Warn where the plug-ins of some effects are not those with which the calibration of this name was made."""

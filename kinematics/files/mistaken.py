@@ -21,6 +21,7 @@ KINDS = (
     (rb"solid [^\n]*\n\s*facet", "an STL model"),
     (rb"\x89PNG|\xff\xd8\xff|GIF8", "a picture"),
     (rb"(?i)<(!doctype\s+)?html", "a web page"),
+    (rb"<[^\0]*?digitalCalibrationCertificate", "a certificate (DCC)"),
     (rb"<\?xml", "an XML file"),
     (rb'\{[^\0]*?"ncomp_calibration"', "a calibration of ncomp (--calibration)"),
     (rb"\{\s*\"", "a JSON file"),
@@ -105,7 +106,7 @@ def number_hint(text: str) -> str:
     """Hint, with its separator, for a text that should be a number."""
     text = text.strip()
     if re.match(r"\d{4}-\d\d?-\d\d?|\d\d?[.:]\d\d?[.:]\d\d", text):
-        return "; write a time in s from the begin in place of a date or clock time"
+        return "; write a time in s from the begin in place of a date or clock time, or name the column time"
     if re.fullmatch(r"[-+]?\d+,\d*", text):
         return "; write the decimal point as '.'"
     if inch := re.fullmatch(r"([-+]?\d*\.?\d+)\s*(in|inch|inches|\")", text):

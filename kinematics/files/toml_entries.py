@@ -142,6 +142,14 @@ def field_names(kind: Any) -> list[str]:
     return list(getattr(kind, "__struct_fields__", ()))
 
 
+def _type_at(kind: Any, below: str) -> Any:
+    """The type of the entry at a path below a type."""
+    for name in re.findall(r"\.(\w+)", below):
+        known = next((each for each in (kind, *get_args(kind)) if field_names(each)), None)
+        kind = None if known is None else get_type_hints(known).get(name)
+    return kind
+
+
 def _for_people(message: str, where: str, kind: Any) -> str:
     """A message of msgspec with the path of the entry at its beginning and the types in words."""
     reason, _, below = message.partition(" - at `$")
@@ -150,7 +158,7 @@ def _for_people(message: str, where: str, kind: Any) -> str:
     if missing := re.fullmatch(r"Object missing required field `(\w+)`", reason):
         return f"{f'{path}.' if path else ''}{missing[1]} is missing: write {missing[1]} = ... into the file"
     if (wrong := re.fullmatch(r"Invalid enum value (.*)", reason)) and field_names(kind):
-        choices = get_args(get_type_hints(kind).get(path.rpartition(".")[2]))
+        choices = get_args(_type_at(kind, below))
         values = [value for choice in choices if choice is not type(None) for value in get_args(choice) or (choice,)]
         *others, last = (repr(value) for value in values) if values else ("another one",)
         reason = f"Expected {', '.join(others)}{' or ' if others else ''}{last}, not {wrong[1]}"

@@ -21,8 +21,20 @@ Result = TypeVar("Result")
 BY_COMMAND_LINE: ContextVar[bool] = ContextVar("BY_COMMAND_LINE", default=False)
 """True while the command line runs."""
 SWITCHES = (
-    *("both", "check", "force", "hold-out", "in-place", "install", "optimise", "planar", "rapid", "set-up-zero"),
-    *("tables", "unroll"),
+    *(
+        "accept-jumps",
+        "both",
+        "check",
+        "force",
+        "history",
+        "hold-out",
+        "in-place",
+        "install",
+        "optimise",
+        "planar",
+        "rapid",
+    ),
+    *("set-up-zero", "tables", "unroll"),
 )
 """Options without a value."""
 RENAMED = {"set-up-zero": "zero", "effect": "effects", "range": "ranges", "set": "settings", "location": "location_um"}
@@ -42,11 +54,12 @@ VALUES = {
     "error-motions": "all",
     "errors": "none table-1",
     "family": "any fanuc linuxcnc grbl",
-    "format": "auto ncomp rtl iso230-table ecmc-report cmm epics twincat-scope ballbar-angles robot delimited "
-    "csv linuxcnc siemens-eec siemens-cec heidenhain heidenhain-kinematics fanuc isg isg-cross isg-volumetric etalon "
-    "mitsubishi klipper reprap linuxcnc-kinematics siemens-trafo5 siemens-tcarr heidenhain-transformations "
-    "fanuc-kinematics",
-    "instrument": "laser-tracker interferometer part touch-probe ballbar level lengths",
+    "format": "auto ncomp rtl target-readings iso230-table ecmc-report cmm epics twincat-scope ballbar-angles robot "
+    "delimited csv linuxcnc siemens-eec siemens-cec heidenhain heidenhain-kinematics fanuc isg isg-cross "
+    "isg-volumetric etalon mitsubishi klipper reprap marlin grbl linuxcnc-matrix linuxcnc-calibxyz linuxcnc-kinematics "
+    "siemens-trafo5 siemens-tcarr heidenhain-transformations fanuc-kinematics",
+    "instrument": "laser-tracker interferometer part touch-probe ballbar level lengths ranging",
+    "kind": "tables parameters",
     "machine": "bzt_pfu cframe dmu50 gantry head_head head_table trunnion_ac trunnion_bc",
     "noise": "sheet estimate",
     "old": "none",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
+from kinematics.files.mistaken import number_hint
+from kinematics.files.text_cells import checked_degrees
 from kinematics.user_error import UserError
 
 Texts = str | Iterable[str] | Mapping[str, object]
@@ -32,8 +34,20 @@ def numbers(text: str, count: int, where: str, separator: str = ",") -> tuple[fl
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
         expected = "a number" if count == 1 else f"{count} numbers with {separator!r} between them"
-        raise UserError(f"{where}: {text!r} is not {expected}")
+        raise UserError(f"{where}: {text!r} is not {expected}{number_hint(text) if count == 1 else ''}")
     return values
+
+
+def temperatures_of(given: Texts) -> dict[str, float]:
+    """Temperatures `SENSOR=degC` by sensor; UserError for another form, and for a sensor that is given twice."""
+    found: dict[str, float] = {}
+    for text in texts(given):
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not name or not value or name in found:
+            raise UserError(f"--temperature {text}: expected each SENSOR=degC once, for example spindle=31.5")
+        where = f"--temperature {text}"
+        found[name] = checked_degrees(numbers(value, 1, where)[0], where)
+    return found
 
 
 def header_of(given: Texts) -> dict[str, str]:

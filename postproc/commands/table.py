@@ -15,6 +15,7 @@ COMMANDS = {
     "batch": "programs.batch",
     JOB_FILE: "workplace.job",
     "watch": "programs.watch",
+    "serve": "serve.serve",
     "verify": "programs.verify",
     "check": "programs.check",
     "codes": "controls.codes",
@@ -45,9 +46,17 @@ COMMANDS = {
     "touches": "measurements.touches",
     "square": "calibrations.square",
     "three-points": "calibrations.three_points",
+    "certificate": "history.certificate",
+    "drift": "calibrations.drift",
+    "history add": "history.add",
+    "history list": "history.list",
+    "history show": "history.show",
+    "history event": "history.event",
+    "history export": "history.export",
+    "history verify": "history.verify",
 }
 """The module of each command, in this package; it has a function of its own name, and EPILOG, the examples."""
-GROUPS = {"plan": "measurements.plan"}
+GROUPS = {"plan": "measurements.plan", "history": "history.history"}
 """The module of each command that has commands of its own; it has EPILOG, and `named`, for words without their name."""
 HELP = ("-h", "--help")
 GLOBAL = ("--version", "--install-completion", "--show-completion")

@@ -26,6 +26,8 @@ PANELS = {
     "calibrations": "Calibrations",
     "measurements": "Measurements",
     "controls": "Tables of controls",
+    "history": "The life of machines",
+    "serve": "A page in the browser",
 }
 """Heading of the commands of each folder in the list of all."""
 

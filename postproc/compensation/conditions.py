@@ -8,17 +8,16 @@ from __future__ import annotations
 import math
 import operator
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from kinematics.error_model.model import ErrorModel
-from kinematics.files import read_input
-from kinematics.files.toml_entries import utf8_text
+from kinematics.files.text_cells import checked_degrees
 from kinematics.machine import Machine
 from kinematics.pieces import ErrorMotions
 from kinematics.state import REFERENCE, State
@@ -26,12 +25,9 @@ from kinematics.transforms import Array, read_only
 from kinematics.user_error import UserError
 from postproc.text.number_style import given_number, given_once
 
-ABSOLUTE_ZERO = -273.15
-HOTTEST = 200.0
-"""Temperature, degC, above which a number is in another unit: kelvin, or hundredths."""
-"""Absolute zero, degC."""
-TEMPERATURE = "temp_"
-"""Prefix of the temperature columns of a log."""
+if TYPE_CHECKING:
+    from kinematics.files.temperature_log import TemperatureLog
+
 MODELS, VALUES = 4, 8
 """Number of models whose tables of error motions are kept, and of other quantities that are."""
 
@@ -103,8 +99,11 @@ class Conditions:
         """Columns of the log, for messages about missing ones."""
         if not self.log or self.past is None:
             return ""
-        names = ["time_s", *(TEMPERATURE + name for name in self.past.temperatures)]
-        return f"; log {self.log} has {', '.join(names)}{_neither(self.unread)}"
+        from kinematics.files.column_map import SECONDS, TEMPERATURE
+        from kinematics.files.temperature_log import neither
+
+        names = [SECONDS, *(TEMPERATURE + name for name in self.past.temperatures)]
+        return f"; log {self.log} has {', '.join(names)}{neither(self.unread)}"
 
     def notes(self, model: ErrorModel) -> list[str]:
         """Notes for the user on a model under these conditions; UserError if a condition that it needs is missing."""
@@ -154,15 +153,22 @@ class States(msgspec.Struct, frozen=True):
 
 
 def make_conditions(
-    temperatures: Iterable[str] = (), elapsed: float | None = None, log: Path | None = None
+    temperatures: Iterable[str] = (),
+    elapsed: float | None = None,
+    log: str | Path | None = None,
+    log_columns: str | Path | None = None,
 ) -> Conditions:
-    """The conditions from the options of the command line, which overrule the last row of the log."""
+    """The conditions from the options of the command line, which overrule the last row of the log.
+
+    The time of a log of time stamps begins with its first row.
+    """
     if elapsed is not None and not 0.0 <= elapsed < math.inf:
         raise UserError(f"--elapsed {elapsed:g}: expected a time in s, not below 0")
     given = given_once(map(parse_temperature, temperatures), "--temperature ")
-    if log is None:
+    logged = None if log is None and log_columns is None else _logged(log, log_columns)
+    if logged is None:
         return Conditions(elapsed, given)
-    time, columns, unread = _read_log(log)
+    time, columns = logged.times.seconds, dict(logged.temperatures)
     if elapsed is not None:
         time = time - time[-1] + elapsed
     for name, value in given.items():
@@ -170,7 +176,14 @@ def make_conditions(
     kelvin = {name: values - REFERENCE for name, values in columns.items()}
     past = State(np.zeros((len(time), 0)), time=time, temperatures=kelvin)
     last = {name: float(values[-1]) for name, values in columns.items()}
-    return Conditions(float(time[-1]), last, past, str(log), unread)
+    return Conditions(float(time[-1]), last, past, str(log), logged.unread)
+
+
+def _logged(log: str | Path | None, columns: str | Path | None) -> TemperatureLog | None:
+    """The log; its reader is loaded for a log only."""
+    from kinematics.files.temperature_log import read_given_log
+
+    return read_given_log(log, columns)
 
 
 def parse_temperature(text: str) -> tuple[str, float]:
@@ -178,70 +191,5 @@ def parse_temperature(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     if not name.strip() or not value.strip():
         raise UserError(f"--temperature {text}: expected SENSOR=degC, for example spindle=31.5")
-    return name.strip(), degrees(value, f"--temperature {text}")
-
-
-def degrees(text: str, where: str) -> float:
-    """Temperature from a text, degC; UserError, beginning with `where`, if it is not a temperature."""
-    value = given_number(text, where)
-    if value < ABSOLUTE_ZERO:
-        raise UserError(f"{where}: {value:g} degC is below absolute zero ({ABSOLUTE_ZERO:g})")
-    if value > HOTTEST:
-        raise UserError(f"{where}: {value:g} degC is no temperature of a machine: write degC (is this kelvin?)")
-    return value
-
-
-def _neither(names: Sequence[str]) -> str:
-    """Part of a message on columns of a log that are not read; empty for none."""
-    if not names:
-        return ""
-    verb = "is" if len(names) == 1 else "are"
-    return f"; the columns of a log are time_s and temp_NAME, and {', '.join(names)} {verb} neither"
-
-
-def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
-    """Times `(n,)`, s, temperatures `(n,)` by sensor, degC, and the names of all other columns of a log.
-
-    UserError with line and column.
-    """
-    text = utf8_text(read_input(path, "log"), f"log {path}").removeprefix("\ufeff")
-    rows = _rows(text, path)
-    line, header = next(rows, (1, []))
-    names = [name.strip() for name in header]
-    temperatures = [i for i, name in enumerate(names) if name.startswith(TEMPERATURE)]
-    unread = tuple(name for name in names if name and name != "time_s" and not name.startswith(TEMPERATURE))
-    for name in ("time_s", *(names[i] for i in temperatures)):
-        if names.count(name) != 1:
-            lacks = _neither(unread) if name not in names else ""
-            lacks += "; separate cells by ','" if len(names) == 1 and ";" in names[0] else ""
-            found = names.count(name) or "none"
-            raise UserError(f"log {path}:{line}: expected one column {name}, found {found}{lacks}")
-    columns = [names.index("time_s"), *temperatures]
-    values = []
-    for line, row in rows:
-        if len(row) != len(names):
-            raise UserError(f"log {path}:{line}: the row has {len(row)} values, and the header {len(names)} columns")
-        locations = [f"log {path}:{line}, column {names[i]}" for i in columns]
-        readers = [given_number, *[degrees] * len(temperatures)]
-        values.append([read(row[i], at) for read, i, at in zip(readers, columns, locations, strict=True)])
-        if len(values) > 1 and values[-1][0] < values[-2][0]:
-            raise UserError(
-                f"log {path}:{line}, column time_s: the time is before that of the last row: sort the rows by time"
-            )
-    if not values:
-        raise UserError(f"log {path} has no rows of values")
-    time, *courses = np.array(values).T
-    return time, {names[i].removeprefix(TEMPERATURE): t for i, t in zip(temperatures, courses, strict=True)}, unread
-
-
-def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line and values of each row, without empty rows and comments (#)."""
-    import csv
-
-    reader = csv.reader(text.splitlines(), strict=True)
-    try:
-        for row in reader:
-            if row and any(value.strip() for value in row) and not row[0].lstrip().startswith("#"):
-                yield reader.line_num, row
-    except csv.Error as fault:
-        raise UserError(f"log {path}:{reader.line_num}: {fault}") from None
+    where = f"--temperature {text}"
+    return name.strip(), checked_degrees(given_number(value, where), where)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.deviation import exact_deviation
+from kinematics.effects import Effect, after_touch_off
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.inverse import linear_positions
@@ -52,6 +53,11 @@ def poses(machine: Machine, touch_offs: Sequence[TouchOff]) -> Poses:
     return Poses(np.where(machine.rotary, given, placed), tool)
 
 
+def _in_a_touch_off(effect: Effect) -> bool:
+    """False for the surface of a workpiece, whose heights count from the work zero, and for what came after it."""
+    return not effect.area and not after_touch_off(effect)
+
+
 def deviations(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOff], conditions: Conditions) -> Array:
     """True datum minus work offset, D - W = e(W), `(k, 3)`, mm, workpiece frame, by the exact model."""
     if not model.effects or not touch_offs:
@@ -59,7 +65,8 @@ def deviations(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOf
 
     def deviation() -> Array:
         q, tool = poses(machine, touch_offs)
-        return exact_deviation(machine, q, model.errors(machine, conditions.state(q, np.zeros_like(q))), tool).position
+        errors = model.part(_in_a_touch_off).errors(machine, conditions.state(q, np.zeros_like(q)))
+        return exact_deviation(machine, q, errors, tool).position
 
     return conditions.known("deviations", (machine, model), touch_offs, deviation)
 
@@ -70,7 +77,8 @@ def sensitivities(machine: Machine, model: ErrorModel, touch_offs: Sequence[Touc
     def derivatives() -> Array:
         q, tool = poses(machine, touch_offs)
         transform = error_transform_with_tool(machine, q, tool)[:, :3]
-        return model.design(machine, conditions.state(q, np.zeros_like(q)), transform)
+        contained = np.repeat([*map(_in_a_touch_off, model.effects)], [len(e.parameters) for e in model.effects])
+        return np.asarray(model.design(machine, conditions.state(q, np.zeros_like(q)), transform) * contained)
 
     return conditions.known("sensitivities", (machine, model), touch_offs, derivatives)
 

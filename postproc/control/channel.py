@@ -17,13 +17,18 @@ from postproc.control.setup import Setup, construct
 from postproc.control.state import ControlState
 from postproc.control.words import value_of
 from postproc.motion.circles import RADIUS_TOLERANCE_MM
-from postproc.motion.frames import Frame, cartesian, in_workpiece, to_machine
+from postproc.motion.frames import Frame, cartesian, drills_along, in_workpiece, to_machine
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
 from postproc.text.flow import Variables
 from postproc.text.notes import Notes
 
+LEANS = (
+    "is followed only where the program has positioned the rotary axes such that the tool stands along {axis} of the "
+    "part: end TCP before it, or write its moves"
+)
+"""Reason why a drilling cycle under TCP is refused."""
 AxisWords: TypeAlias = list[tuple[AxisWord, float]]
 """Axis words with their values, mm or degrees, in the order of the block."""
 
@@ -90,6 +95,14 @@ class Channel:
         """Note a function that switches TCP on."""
         text = f"{name}: X Y Z are taken as the tool point in the workpiece frame, which turns with a table"
         self.notes.add(text, block.line)
+
+    def leans(self, axis: int) -> bool:
+        """True under TCP, unless the rotary axes are known to hold the tool along a drilling axis of the part."""
+        recorder = self.recorder
+        if not recorder.frame.tcp:
+            return False
+        known = all(recorder.known[i] != Known.ASSUMED for i in self.rotary_axes)
+        return not (known and drills_along(self.machine, recorder.frame, recorder.position, axis))
 
     # ---- modes and functions
 

@@ -10,6 +10,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from kinematics.effects import WorkpieceSurface
 from kinematics.error_model.model import ErrorModel
 from kinematics.files import read_input
 from kinematics.files.mistaken import missing
@@ -85,6 +86,12 @@ class Setup(Shown, msgspec.Struct, frozen=True):
     """What the program's probing moves and cycles change."""
     pass_through: frozenset[str] = frozenset()
     """Constructs unknown to ncomp that pass unchanged, in capitals without blanks: G234, CYCLE977, FN33, CYCLDEF444."""
+    surface: WorkpieceSurface | None = None
+    """WorkpieceSurface of the workpiece, in machine coordinates, from a height map; None for a flat one."""
+    surface_offset: str = ""
+    """Work offset at which the map was probed; empty for machine coordinates."""
+    surface_zero: float = 0.0
+    """Machine position of Z from which the heights count, mm."""
     definitions: tuple[tuple[str, str], ...] = ()
     """Siemens: files of definitions of variables that the control has (GUD), by name and text."""
     subprograms: tuple[str, ...] = ()
@@ -120,6 +127,12 @@ class Setup(Shown, msgspec.Struct, frozen=True):
     def tool_length(self, tool: int | str) -> Given[float] | None:
         """Length of a tool by number or name, mm, from the tool reference point to the tip; None where not given."""
         return self._given(tool_key(str(tool)), self.tools, self.machine.tools, self.machine.tools_assumed, 0.0)
+
+    @property
+    def usual_offset(self) -> str:
+        """The only work offset that is given; G54 if there are several, or none."""
+        given = {*self.work_offsets, *self.machine.work_offsets} - {EVERY_OTHER}
+        return given.pop() if len(given) == 1 else "G54"
 
     def names_offset(self, name: str) -> bool:
         """True for a work offset that is given by its own name."""
@@ -202,6 +215,12 @@ def parse_datum(text: str, machine: Machine) -> tuple[str, Datum]:
     if not name.strip() or not equals:
         raise UserError(f"--datum {text}: expected e.g. G54=probed or G54=true")
     return "".join(name.split()).upper(), read_datum(obtained, machine.names, f"--datum {text}")
+
+
+def parse_height_map(text: str) -> tuple[Path, str]:
+    """The file of a height map, and its work offset, of `map.probe@G55`; the latter is empty where it is not given."""
+    match = None if Path(text).exists() else re.fullmatch(r"(.+)@([A-Za-z]*[\d.]+)", text)
+    return (Path(match[1]), match[2].upper()) if match else (Path(text), "")
 
 
 def parse_tool_length(text: str) -> tuple[str, float]:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 
+from kinematics.error_model.joined import joined
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.control_data.format import Format, Settings, Sign, in_words
-from postproc.control_data.tables.table_model import joined
 from rendering.shown import Shown
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from pathlib import Path
 import msgspec
 
 from kinematics.effects import Effect
+from kinematics.error_model.joined import joined
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_model.provenance import Provenance, reference
 from kinematics.files import fingerprint, read_input
 from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
-from postproc.control_data.tables.table_model import joined
 
 
 def texts_in(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
@@ -29,20 +29,20 @@ def texts_in(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
         data = read_input(file, "tables")
         if file.name in texts:
             raise UserError(f"{file}: two files have this name; give them different names")
-        texts[file.name] = _decoded(data, file)
+        texts[file.name] = decoded(data, f"tables {file}")
         prints[file.name] = fingerprint(data)
     return texts, prints
 
 
-def _decoded(data: bytes, file: Path) -> str:
+def decoded(data: bytes, name: str) -> str:
     """The text of a file with or without a byte order mark; UserError for a binary file."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace")
     if b"\0" in data:
         if data[1::2].count(0) > len(data) // 3:
-            raise UserError(f"tables {file}: this is UTF-16 without a byte order mark: save it as plain text (UTF-8)")
+            raise UserError(f"{name}: this is UTF-16 without a byte order mark: save it as plain text (UTF-8)")
         found = kind_of_file(data) or "a file with zero bytes"
-        raise UserError(f"tables {file}: expected a text file, found {found}: give the files of the control")
+        raise UserError(f"{name}: expected a text file, found {found}: give the files of the control")
     return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
 
 

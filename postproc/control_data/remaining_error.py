@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from kinematics.correction import correct_position
+from kinematics.error_model.joined import joined
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.compensation.correction import COLD, PoseErrors, pose_errors
 from postproc.compensation.predicted_error import MachineStates
-from postproc.control_data.tables.table_model import joined
 from postproc.control_data.tables.target import Target
 from postproc.motion.along import INNER
 from postproc.motion.motions import Motions

@@ -255,7 +255,7 @@ def _run(
         files = ProgramSet(source, dialect, interpreter, blocks)
         blocks = files.blocks
         flow = Flow(blocks, interpreter.scope, dialect.labels, dialect.begins, files)
-        running = (block for _, block in flow.run(interpreter))
+        running = (block for _, block in flow.run(interpreter) if isinstance(block, Block))
         take(interpreter.read(_noted(running, done)))
     except Refusal as refusal:
         findings.refuse(refusal)

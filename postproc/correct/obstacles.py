@@ -155,8 +155,9 @@ def _moves_other_axes(asked: Asked, row: int) -> bool:
     return any(word.axis not in asked.motions.machine.translators for word in asked.motions.words[row])
 
 
-def _polar_straight(asked: Asked, row: int) -> bool:
-    return row not in asked.motions.arcs and any(word.word < 0 for word in asked.motions.words[row])
+def _polar_straight(asked: Asked, rows: np.ndarray) -> NDArrayBool:
+    motions = asked.motions
+    return np.isin(motions.block[rows], list(motions.polar_ends)) & ~_ARC(asked, rows)
 
 
 def _increment_unknown(asked: Asked, row: int) -> bool:
@@ -258,7 +259,7 @@ TABLE = (
     Obstacle("under TCP its axes are not the axes of the machine", CUT, _TCP),
     Obstacle("cutter compensation is active", SPLIT | CUT, _COMPENSATED),
     Obstacle("other axes move with it", CUT, _each(_moves_other_axes)),
-    Obstacle("its end is given in polar coordinates", SPLIT, _any(_POLAR, _each(_polar_straight))),
+    Obstacle("its end is given in polar coordinates", SPLIT, _any(_POLAR, _polar_straight)),
     Obstacle("no word may be added for one of its axes", SPLIT, _LOCKED),
     Obstacle("it has an increment from an unknown position", CUT, _each(_increment_unknown)),
     Obstacle("the program has not yet given the positions of all its axes", SPLIT, _each(_position_unknown)),

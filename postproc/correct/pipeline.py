@@ -144,14 +144,15 @@ class Pipeline:
             checks.whole(evaluated, outside)
             self.called = [self._corrected_file(*each) for each in self._called_files]
             if self._conversion is None:
-                output.finish(self._state, checks.accepted, out)
+                mark = output.finish(self._state, checks.accepted, out)
             else:
                 self._conversion.refuse_nothing()
                 text = io.BytesIO()
-                output.finish(self._state, checks.accepted, text)
+                mark = output.finish(self._state, checks.accepted, text)
                 self._read_back.check(text.getvalue(), out)
         self.trace = evaluated.trace
         result = self._counts.finish(evaluated, outside, checks.accepted, self._state)
+        result.mark = mark
         if self._conversion is not None:
             result.converted_moves, result.conversion = self._conversion.moves, self._job.tcp
             result.notes += self._conversion.notes(self._state.used_tools)
@@ -220,7 +221,7 @@ class Pipeline:
             setup = setup_of_input(job)
             interpreter = job.dialect.interpreter(setup.machine, setup, Notes())
             return unrolled(StoredProgram(job.source, job.dialect, interpreter), self._interpreter)
-        return StoredProgram(job.source, job.dialect, self._interpreter)
+        return StoredProgram(job.source, job.dialect, self._interpreter, bulk=True)
 
     def _refuse_called(self, program: StreamedProgram) -> None:
         """WritingOut if the program has called other files, and these cannot be corrected as files."""
@@ -259,7 +260,8 @@ class Pipeline:
             return list(unchanged(part.motions.blocks))
         corrected = self._correction.corrected(part)
         limit_um = self._checks.corrected(corrected)
-        written = self._writer.write(corrected.motions, corrected.correction, part.indices, rewrite)
+        indices = part.indices if part.repeated else None
+        written = self._writer.write(corrected.motions, corrected.correction, indices, rewrite)
         moves = corrected.as_written(written)
         if rewrite is not None:
             self._read_back.add(moves)

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from kinematics.error_model.model import ROUNDING, ErrorModel
+from kinematics.error_model.priors import PRIORS
 from kinematics.files.mistaken import did_you_mean
 from kinematics.machine import Machine
 from kinematics.running.durations import age_in_words
@@ -40,8 +41,6 @@ OUTSIDE_SHARE = 0.01
 """Share of the evaluated moves that may end outside the measured range."""
 MOST = 0.5
 """Share of the moves worth correcting that may have an improvement that is not significant."""
-HIGHEST_UM = 500.0
-"""Largest correction, um, unless the user sets another limit."""
 ENDLESS_MM = 1000.0
 """Length, mm, over which the largest error is searched along a linear axis without travel limits."""
 SAMPLES = 4096
@@ -106,15 +105,16 @@ class CorrectionLimit:
     """Largest plausible correction of a linear axis, um.
 
     It is the limit of the user, or twice the largest error of the calibration over the travel of the machine with the
-    tools that the program uses, at most HIGHEST_UM. Twice, because a correction relative to a datum is a difference of
-    two errors. If the orientation is corrected, linear axes also compensate the rotation of rotary axes: HIGHEST_UM.
+    tools that the program uses, at most that of the kind of machine. Twice, because a correction relative to a datum is
+    a difference of two errors. If the orientation is corrected, linear axes also compensate the rotation of rotary
+    axes: the limit is that of the kind.
     """
 
     def __init__(
         self, machine: Machine, model: ErrorModel, conditions: Conditions, given_um: float | None, *, turns: bool
     ) -> None:
         self._machine, self._model, self._conditions, self._turns = machine, model, conditions, turns
-        self._given_um = given_um
+        self._given_um, self._highest_um = given_um, machine.priors.largest_correction_um
         self._largest: dict[tuple[float, ...], float] = {}
 
     def um(self, frame: Frame) -> float:
@@ -122,9 +122,9 @@ class CorrectionLimit:
         if self._given_um is not None:
             return self._given_um
         if self._turns:
-            return HIGHEST_UM
+            return self._highest_um
         tools = [frame.tool, *([] if frame.touch_off is None else [(0.0, 0.0, -frame.touch_off.length)])]
-        return min(2.0 * max(map(self._largest_um, tools)), HIGHEST_UM)
+        return min(2.0 * max(map(self._largest_um, tools)), self._highest_um)
 
     def _largest_um(self, tool: tuple[float, ...]) -> float:
         if tool not in self._largest:
@@ -138,7 +138,16 @@ class CorrectionLimit:
             return "--max-correction-um"
         if self._turns:
             return "the largest correction without --max-correction-um"
-        return f"twice the largest error of the calibration over the machine's travel, at most {HIGHEST_UM:g} um"
+        kind = "" if self._highest_um == PRIORS.largest_correction_um else ", the limit of this kind of machine"
+        most = f"at most {self._highest_um:g} um{kind}"
+        return f"twice the largest error of the calibration over the machine's travel, {most}"
+
+    @property
+    def _cure(self) -> str:
+        """What to check."""
+        maps = [effect for effect in self._model.effects if effect.area]
+        heights = [f"{each.size_summary[0]} of the map {each.note}" for each in maps]
+        return f"{', '.join((*heights, 'calibration'))}, machine and set-up"
 
     def check(self, motions: Motions, nominal: Array, corrected: Array) -> float:
         """Largest limit of a chunk, um; Refusal at the first move with a correction beyond the limit of its frame.
@@ -156,7 +165,7 @@ class CorrectionLimit:
             i = int(np.argmax(size[row]))
             raise motions.blocks[motions.block[row]].refuse(
                 f"{motions.machine.names[columns[i]]} would be corrected by {size[row, i]:.4g} um, more than "
-                f"{limit[row]:.4g} um ({self.origin}): check calibration, machine and set-up; "
+                f"{limit[row]:.4g} um ({self.origin}): check {self._cure}; "
                 "--max-correction-um sets another limit"
             )
         return float(limits.max(initial=0.0))

@@ -75,6 +75,10 @@ def _verdict(result: CorrectionResult) -> str:
 
 def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterator[Section]:
     if trace is not None:
+        if (surface := job.setup.surface) is not None:
+            from postproc.correct.report_figures import surface_section
+
+            yield surface_section(surface, trace.paths)
         yield from _figures(trace, result.error)
     yield facts("Set-up", list(_set_up(result)))
     yield Section("Options and inputs", table=Table(("", ""), _choices(job, result)), detail=True)
@@ -110,6 +114,8 @@ def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
     yield "program", f"{program['name']}  ({program['dialect']}, {result.blocks} blocks, SHA-256 {program['sha256']})"
     yield "machine", f"{machine['name']}  {machine['chain']}"
     yield "calibration", f"{calibration['id']}{age}"
+    if (surface := result.datums.setup.surface) is not None:
+        yield "height map", f"{surface.note}: {', '.join(surface.size_summary)}"
     yield "work offsets", "; ".join(f"{name}: {value}" for name, value in result.work_offsets.items())
     yield from result.datums.facts(result.work_offsets)
     tools = ", ".join(f"{shown_tool(tool)}: {length}" for tool, length in result.tools.items())

@@ -7,10 +7,11 @@ from functools import partial
 
 import numpy as np
 
+from kinematics.effects import WorkpieceSurface
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.evaluation.trace import SEGMENTS, Bins, DrawnPaths
-from rendering.figures import AFTER, BEFORE, Figure, Panel, area, colour_axis, grid, line, steps
+from rendering.figures import AFTER, BEFORE, Figure, Panel, area, colour_axis, grid, heat, line, steps
 from rendering.report import Section
 
 LABEL = "line of the program, in the order of execution"
@@ -78,6 +79,24 @@ def path_sections(paths: DrawnPaths, error: str) -> Iterator[Section]:
         text = f"The lines are the nominal paths of feed moves in the workpiece frame; their colour is the {error}, on "
         text += f"one scale.{some}"
         yield Section("Errors on the part", text, figure=partial(_path_figure, paths))
+
+
+def surface_section(surface: WorkpieceSurface, paths: DrawnPaths) -> Section:
+    """The map of a surface with the feed moves that follow it."""
+    text = "The colour is the height of the surface, in machine coordinates; the lines are the feed moves."
+    return Section("Height map", text, figure=partial(_surface_figure, surface, paths))
+
+
+def _surface_figure(surface: WorkpieceSurface, paths: DrawnPaths) -> Figure:
+    heights = np.reshape(surface.values, [len(nodes) for nodes in surface.nodes])
+    first, second = surface.of
+    panel = Panel(f"{first}, mm", f"{second}, mm", surface.note, axes={"yaxis": {"scaleanchor": "x"}})
+    heat(panel, np.array(surface.nodes[0]), np.array(surface.nodes[1]), heights)
+    panel.traces[-1] |= {"zsmooth": "best"}  # between the nodes
+    gap = np.full((len(paths.points), 1), np.nan)
+    x, y = (np.hstack([paths.points[:, :, "XYZ".index(axis)], gap]).ravel() for axis in surface.of)
+    line(panel, x, y, "black", width=1)
+    return Figure([panel], height=430, colours=colour_axis(heights.min(), heights.max(), "height, um"))
 
 
 def _path_figure(paths: DrawnPaths) -> Figure:

@@ -66,6 +66,8 @@ class CorrectionResult(Shown, PredictedErrors, kw_only=True):
     """Work offsets and tools that the machine file assumes."""
     assumption: str = ""
     """`assumed` as a sentence; empty for none."""
+    mark: str = ""
+    """Comment that marks the corrected program; empty where it is unchanged."""
     notes: list[str] = msgspec.field(default_factory=list)
     """Notes for the user."""
     unused: list[Unused] = msgspec.field(default_factory=list)
@@ -99,6 +101,7 @@ class CorrectionResult(Shown, PredictedErrors, kw_only=True):
         """The machine-readable form; every length in um."""
         return {
             "program": self.program,
+            "mark": self.mark,
             "machine": self.machine,
             "calibration": self.calibration,
             "conditions": self.conditions.json(),

@@ -25,7 +25,7 @@ from postproc.siemens.variables import EMPTY
 from postproc.text.block import Block, Edit, Refusal, Word, edited
 from postproc.text.blocks import Blocks
 from postproc.text.expressions import Constant
-from postproc.text.line_numbers import place
+from postproc.text.line_numbers import first_line_of_text, place
 from postproc.text.source import ENCODING, HEAD_SIZE
 from postproc.text.statements import Return, Taken
 
@@ -50,10 +50,13 @@ def unrolled(program: StoredProgram, interpreter: Interpreter) -> UnrolledProgra
     """
     moves: list[Motions] = []
     source, end = program.source, program.source.line_end
-    lines = (line if line.endswith(end) else line + end for line in _lines(program, moves))
+    lines, origins = list[str](), list[int]()
+    for line, origin in _lines(program, moves):
+        lines.append(line if line.endswith(end) else line + end)
+        origins += [origin] * lines[-1].count(end)
     data = (source.mark + "".join(lines)).encode(ENCODING)
-    head = data[:HEAD_SIZE].decode(ENCODING)
-    text = msgspec.structs.replace(source, name=f"{source.name} (unrolled)", head=head, data=data, origin=source.hash)
+    head, before = data[:HEAD_SIZE].decode(ENCODING), first_line_of_text(origins or [1])
+    text = msgspec.structs.replace(source, head=head, data=data, origin=source.hash, before=before)
     if turns(text, program.dialect, program.interpreter.control_state.setup):
         raise UserError(f"{text.name}: a jump, a loop or a call could not be written out")
     return UnrolledProgram(text, program.dialect, interpreter, merged(moves))
@@ -80,8 +83,8 @@ class UnrolledProgram(StreamedProgram):
         raise UserError(f"{self.source.name}: the written text does not make the same moves as the program")
 
 
-def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[str]:
-    """The lines, with a comment after a jump: line of the next block, and number of its iteration.
+def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[str, int]]:
+    """The lines, each with the line that it is from, and a comment after a jump: its line, and number of its iteration.
 
     `moves` takes the moves of the program.
     """
@@ -99,12 +102,12 @@ def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[str]:
             comment = program.dialect.comment.format(f"{named}LINE {number}, PASS {iterations[index]}")
         before = index
         if line is not None:
-            yield from (comment, line) if comment else (line,)
+            yield from ((text, block.line) for text in ((comment, line) if comment else (line,)))
             comment = ""
     main = program.program_set.main
     for index in range(max((i for i in iterations if i < main), default=-1) + 1, main):
         if program.blocks[index].kind in CLOSING:
-            yield program.blocks[index].text
+            yield program.blocks[index].text, program.blocks[index].line
 
 
 def _runs(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[int, Block, bool]]:

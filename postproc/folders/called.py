@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from kinematics.files.inputs import true_path
 from kinematics.user_error import UserError
 from postproc.correct.mark import UNCHANGED, called_by
+from postproc.text.calls.called_files import posted_suffix
 from postproc.text.source import ENCODING
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def files_beside(target: Path, done: Corrected) -> dict[Path, bytes]:
             f"{done.job.source.name}: its output {target} is the correction of a program that another one calls "
             f"({owner.strip()}): delete it, or name another output"
         )
-    files = {target.parent / each.name: each for each in done.called}
+    files = {_beside(target, Path(done.job.source.name), each.name): each for each in done.called}
     read = {true_path(Path(each.source.name)) for each in done.called} | {true_path(Path(done.job.source.name))}
     for path, each in files.items():
         if true_path(path) in read or true_path(path) == true_path(target):
@@ -54,9 +55,16 @@ def earlier_beside(program: FolderProgram) -> Iterator[Path]:
     """The earlier corrections of the files that a program calls, in the folder of its output."""
     for path in program.called:
         inside = path.is_relative_to(program.path.parent)
-        output = program.target.parent / (path.relative_to(program.path.parent) if inside else path.name)
+        name = path.relative_to(program.path.parent) if inside else path.name
+        output = _beside(program.target, program.path, name)
         if output.is_file() and _called_mark(output).endswith(called_by(program.path)):
             yield output
+
+
+def _beside(target: Path, main: Path, name: str | Path) -> Path:
+    """The output of a called file; with the suffix of a main program as the CAM has posted it, it gets the output's."""
+    path, posted = target.parent / name, posted_suffix(main.name)
+    return path.with_suffix(target.suffix) if posted and path.suffix.lower() == posted else path
 
 
 def _called_mark(path: Path) -> str:

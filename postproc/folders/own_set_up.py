@@ -16,19 +16,20 @@ from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from postproc.control.setup import parse_datum, parse_tool_length, parse_work_offset
 from postproc.control.tool_table import shown_tool
+from postproc.program_set import SET_UP
 
-SUFFIX = ".toml"
-"""Suffix that makes the name of the file with its set-up from the whole name of a program."""
 Offsets = dict[str, dict[str, float | str]]
 """Work offsets by name and axis, mm or degrees; the entry `datum` says how an offset was obtained."""
 
 
 class OwnSetUp(msgspec.Struct, frozen=True):
-    """Work offsets, datums and tool lengths, as the options of the command line give them."""
+    """Work offsets, datums, tool lengths and a height map, as the options of the command line give them."""
 
     work_offset: tuple[str, ...] = ()
     datum: tuple[str, ...] = ()
     tool_length: tuple[str, ...] = ()
+    height_map: tuple[str, ...] = ()
+    """`FILE` or `FILE@G55`; none or one."""
     source: str = ""
     """Name of the file that they are from; empty where nothing is given."""
 
@@ -42,17 +43,19 @@ class OwnSetUp(msgspec.Struct, frozen=True):
             *(f"work offset {name}" for name in offsets),
             *(f"the datum of {name}" for name in datums),
             *(f"tool length {name}" for name in tools),
+            *(f"height map {text}" for text in self.height_map),
         ]
 
 
 class _Content(msgspec.Struct, forbid_unknown_fields=True):
     work_offsets: Offsets = {}
     tools: dict[str, Any] = {}
+    height_map: str | None = None
 
 
 def set_up_beside(program: Path, machine: Machine) -> OwnSetUp:
     """The set-up in the file of a program; an empty one without such a file. UserError with the line of a fault."""
-    path = program.with_name(program.name + SUFFIX)
+    path = program.with_name(program.name + SET_UP)
     if str(program) == "-" or not path.is_file():
         return OwnSetUp()
     where = f"set-up {path}"
@@ -61,7 +64,7 @@ def set_up_beside(program: Path, machine: Machine) -> OwnSetUp:
     try:
         content = entry(table, _Content)
         offsets, datums = offsets_in(content.work_offsets, machine)
-        return OwnSetUp(offsets, datums, tools_in(content.tools), str(path))
+        return OwnSetUp(offsets, datums, tools_in(content.tools), map_in(content.height_map, path.parent), str(path))
     except UserError as fault:
         raise at_line(text, where, fault) from None
 
@@ -102,6 +105,11 @@ def tools_in(table: Mapping[str, Any], above: str = "") -> tuple[str, ...]:
     return tuple(tools)
 
 
+def map_in(name: str | None, folder: Path) -> tuple[str, ...]:
+    """A height map of a file in this folder as the option."""
+    return () if name is None else (str(folder / name),)
+
+
 def of_program(
     set_up: Mapping[str, Any], program: str | Path, machine: Machine, own: OwnSetUp | None = None
 ) -> tuple[Mapping[str, Any], list[str]]:
@@ -115,8 +123,10 @@ def of_program(
         return set_up, []
     names = set_up.keys() & {"work_offset", "datum", "tool_length"}
     given: dict[str, Any] = {name: tuple(texts(set_up[name])) for name in names}
+    given["height_map"] = () if set_up.get("height_map") is None else (set_up["height_map"],)
     whole = joined(joined(OwnSetUp(**given), entered, machine, own_first=True), beside, machine, own_first=False)
-    return {**set_up, **{name: getattr(whole, name) for name in names}}, [*entered.names, *beside.names]
+    found = {name: getattr(whole, name) for name in names} | {"height_map": next(iter(whole.height_map), None)}
+    return {**set_up, **found}, [*entered.names, *beside.names]
 
 
 def joined(general: OwnSetUp, own: OwnSetUp, machine: Machine, *, own_first: bool) -> OwnSetUp:
@@ -140,5 +150,6 @@ def joined(general: OwnSetUp, own: OwnSetUp, machine: Machine, *, own_first: boo
         both("work_offset", lambda text: parse_work_offset(text, machine)[0]),
         both("datum", lambda text: parse_datum(text, machine)[0]),
         both("tool_length", lambda text: parse_tool_length(text)[0]),
+        both("height_map", lambda _: "a height map"),
         own.source or general.source,
     )

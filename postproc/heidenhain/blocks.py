@@ -52,14 +52,18 @@ def read_block(line: int, text: str) -> Block:
     """The block of one joined text, its end of line included. Refusal when the grammar doesn't know it."""
     if "\r" in text and _CONTINUED.search(text):
         read = text.replace("\r", "\n")  # so that a comment ends with its line
-        return (_read_plain(line, read) or parse_block(line, read))._replace(text=text)
-    return _read_plain(line, text) or parse_block(line, text)
+        return _read(line, read)._replace(text=text)
+    return _read(line, text)
+
+
+def _read(line: int, text: str) -> Block:
+    return _read_plain(line, text) or _continued_comment(line, text) or parse_block(line, text)
 
 
 def _read_plain(line: int, text: str) -> Block | None:
     match = _PLAIN.fullmatch(text)
     if match is None:
-        return _continued_comment(line, text)
+        return None
     start, end = match.span(1)
     if start < 0:
         return Block(line, text, "blank")

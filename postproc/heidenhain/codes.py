@@ -78,6 +78,8 @@ CYCLES_AT_START = frozenset((1, 2, 3, 4, 5, 17, 18))
 """Cycles that begin at the present position and return to it."""
 CYCLES_AT_POSITION = frozenset((*range(200, 210), 240, 241))
 """Begin at X Y of the tool, above a surface Q203; they end at Q204 or Q200 above it."""
+DRILLING_CYCLES = CYCLES_AT_POSITION - {202, 204, 208}
+"""Those that move along Z alone; 202 and 204 also move off the wall, 208 mills on a helix."""
 CYCLES_AROUND_POSITION = frozenset((*range(251, 259), *range(262, 266), 267))
 """Begin there too, but may end elsewhere."""
 CONTOUR_CYCLES = frozenset((21, 22, 23, 24, 25))

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from postproc.control.channel import LEANS
 from postproc.control.words import Content, value_of
 from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import (
@@ -15,6 +16,7 @@ from postproc.heidenhain.codes import (
     CYCLES_AT_POSITION,
     CYCLES_AT_START,
     DATA_CYCLES,
+    DRILLING_CYCLES,
     FRAME_CYCLES,
     HARMLESS_CYCLES,
     HARMLESS_M,
@@ -98,8 +100,10 @@ class Cycles:
         z = channel.x_y_z[2]
         if cycle == PROGRAM_CALL_CYCLE:
             raise block.refuse("the program of cycle 12 is called in another place: write cycle 12 before the call")
-        if channel.modal.tcp:
-            raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
+        if channel.modal.tcp and cycle not in DRILLING_CYCLES:
+            raise block.refuse(f"cycle {cycle} while M128 is on is not corrected: write M129 before it")
+        if channel.modal.tcp and channel.leans(z):
+            raise block.refuse(f"a drilling cycle while M128 is on {LEANS.format(axis='Z')}")
         if cycle in CYCLES_AT_POSITION:
             self._end_above(z, shifted)
         elif cycle in CYCLES_AROUND_POSITION:
@@ -144,7 +148,7 @@ class Cycles:
                 else f"cycle {number} has no cycle to repeat: write its CYCL DEF before it"
             )
         if channel.modal.tcp:
-            raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
+            raise block.refuse(f"cycle {number} while M128 is on is not corrected: write M129 before it")
         words = {word.address: i for i, word in enumerate(block.words)}
         values = {name: value_of(block, block.words[i]) for name, i in words.items()}
         required = PATTERN_CYCLES[number]

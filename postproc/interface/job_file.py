@@ -22,7 +22,7 @@ from kinematics.user_error import UserError
 from machines.given import load_machine
 from postproc.correct.plausibility import parse_accepted
 from postproc.dialects import NAMES
-from postproc.folders.own_set_up import Offsets, OwnSetUp, offsets_in, tools_in
+from postproc.folders.own_set_up import Offsets, OwnSetUp, map_in, offsets_in, tools_in
 from postproc.folders.programs import FolderProgram, programs_of
 from postproc.interface.request import Request
 
@@ -48,6 +48,7 @@ class _Content(msgspec.Struct, forbid_unknown_fields=True):
     definitions: tuple[str, ...] = ()
     work_offsets: Offsets = {}
     tools: dict[str, Any] = {}
+    height_map: str | None = None
     conditions: dict[str, Any] = {}
     correction: dict[str, Any] = {}
     results: dict[str, Any] = {}
@@ -58,6 +59,7 @@ class _Conditions(msgspec.Struct, forbid_unknown_fields=True):
     temperature: dict[str, float] = {}
     elapsed_s: NotNegative | None = None
     log: str | None = None
+    log_columns: str | None = None
 
 
 class _Correction(msgspec.Struct, forbid_unknown_fields=True):
@@ -78,6 +80,7 @@ class _Program(msgspec.Struct, forbid_unknown_fields=True):
     output: str
     work_offsets: Offsets = {}
     tools: dict[str, Any] = {}
+    height_map: str | None = None
 
 
 class _Results(msgspec.Struct, forbid_unknown_fields=True):
@@ -168,7 +171,10 @@ class _Reader:
             conditions={
                 "temperature": tuple(f"{name}={value}" for name, value in conditions.temperature.items()),
                 "elapsed": conditions.elapsed_s,
-                "log": None if conditions.log is None else self._file(conditions.log, "conditions.log"),
+                **{
+                    name: None if path is None else self._file(path, f"conditions.{name}")
+                    for name, path in (("log", conditions.log), ("log_columns", conditions.log_columns))
+                },
             },
             correction={
                 **msgspec.structs.asdict(correction),
@@ -244,6 +250,7 @@ class _Reader:
             "work_offset": offsets,
             "datum": datums,
             "tool_length": tools_in(content.tools),
+            "height_map": next(iter(map_in(content.height_map, self._path.parent)), None),
             "tool_table": tuple(self._file(name, "tool_tables") for name in content.tool_tables),
             "table_unit": content.table_unit,
             "zero": content.set_up_zero,
@@ -295,7 +302,8 @@ class _Reader:
         given = entry(target, _Program, where)
         machine = load_machine(self._machine)
         offsets, datums = offsets_in(given.work_offsets, machine, f"{where}.")
-        return OwnSetUp(offsets, datums, tools_in(given.tools, f"{where}."), str(self._path)), given.output
+        tools, maps = tools_in(given.tools, f"{where}."), map_in(given.height_map, self._path.parent)
+        return OwnSetUp(offsets, datums, tools, maps, str(self._path)), given.output
 
     def _matching(self, pattern: str, output: Path) -> list[FolderProgram]:
         """The files of a pattern; outputs have the subfolders below the part of the pattern that has no wildcard."""

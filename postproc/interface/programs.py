@@ -50,17 +50,16 @@ def set_up(
     pass_through: Iterable[str] = (),
     subprograms: Iterable[str | Path] = (),
     definitions: Iterable[str | Path] = (),
+    height_map: str | None = None,
 ) -> Setup:
     """The work offsets, mm and degrees, and the tool lengths, mm, of the control when a program starts.
 
-    work_offset: `G54=x,y,z`, or by name: `{"G54": (-30, -20, 150)}`, `{"G54": {"X": -30, "C": 90}}`; tool_length:
-    `T1=mm` or `{"T1": 80}`; tool_table: tables of a control; table_unit: unit of the lengths in tables that do not
-    state it, by default that of the machine file, or mm; datum: how an offset was obtained, `G54=probed` (the default)
-    or `G54=true`; zero: offsets and lengths that are not given are zero; block_skip: `on`, blocks with a slash do not
-    run, or `off`; start: place of the tool at the start, `X0,Y0,Z5`; probing: `beside`, no coordinate depends on it;
-    pass_through: unknown constructs that pass unchanged; subprograms: folders of programs that a program may call,
-    besides its own; definitions: files that define variables of a Siemens control. UserError for an axis that the
-    machine does not have, a value that is no number, and a table that cannot be read.
+    work_offset: `G54=x,y,z` or `{"G54": {"X": -30, "C": 90}}`; tool_length: `T1=mm` or `{"T1": 80}`; tool_table:
+    tables of a control; table_unit: unit of tables and maps that state none, by default that of the machine file,
+    or mm; datum: `G54=probed` (the default) or `G54=true`; zero: what is not given is zero; block_skip: `on`,
+    blocks with a slash do not run, or `off`; start: place of the tool, `X0,Y0,Z5`; probing: `beside`, no coordinate
+    depends on it; pass_through: unknown constructs that pass; subprograms: folders of called programs; definitions:
+    files of variables (GUD); height_map: `map.probe` or `map.probe@G55`. UserError for what cannot be used.
 
     >>> set_up("dmu50", work_offset=["G54=-30,-20,150"]).work_offsets["G54"]["X"]
     -30.0
@@ -71,27 +70,52 @@ def set_up(
 
     found = load_machine(machine)
     tables = read_tool_tables(map(Path, tool_table), table_unit or found.control.unit)
-    stated: dict[str, Any] = {"block_skip": block_skip or "", "start": start or "", "probing": probing or ""}
     passing = [name for text in pass_through for name in text.split(",") if name.strip()]
+    stated: dict[str, Any] = {"block_skip": block_skip or "", "start": start or "", "probing": probing or ""}
     stated |= {"zero": zero, "pass_through": passing, "subprograms": subprograms, "definitions": definitions}
-    return make_setup(found, texts(work_offset), texts(tool_length), tables, texts(datum), probed=True, **stated)
+    made = make_setup(found, texts(work_offset), texts(tool_length), tables, texts(datum), probed=True, **stated)
+    return _with_map(made, height_map, table_unit)
+
+
+def _with_map(setup: Setup, height_map: str | None, unit: str | None) -> Setup:
+    """The set-up with the surface of a height map, if one is given; unit: of a map that states none."""
+    if height_map is None:
+        return setup
+    from postproc.control_data.height_maps.on_machine import with_height_map
+
+    return with_height_map(setup, height_map, unit or setup.machine.control.unit)
+
+
+def _model_of(
+    machine: Machine, calibration: str | Path | ErrorModel | None, setup: Setup, conditions: Conditions
+) -> ErrorModel:
+    """A calibration, with the surface of the workpiece in the set-up."""
+    from machines.given import load_calibration
+    from postproc.compensation.surface import with_surface
+
+    return with_surface(load_calibration(machine, calibration), setup, conditions)
 
 
 @public
 def conditions(
-    *, temperature: Texts = (), elapsed: Annotated[float, 0, None] | None = None, log: str | Path | None = None
+    *,
+    temperature: Texts = (),
+    elapsed: Annotated[float, 0, None] | None = None,
+    log: str | Path | None = None,
+    log_columns: str | Path | None = None,
 ) -> Conditions:
     """The temperatures (`spindle=31.5`, degC), and the time since the zero of thermal effects, s, or a log of both.
 
-    log: file with the columns time_s and temp_NAME, degC, up to the program's start. UserError for a value that is no
-    temperature, and for a log that cannot be read.
+    log: file with the columns time_s (or time, with time stamps) and temp_NAME, degC, up to the program's start;
+    log_columns: column map of a log with other names. UserError for a value that is no temperature, and for a log that
+    cannot be read.
 
     >>> conditions(temperature=["spindle=31.5"], elapsed=3600).temperatures["spindle"]
     31.5
     """
     from postproc.compensation.conditions import make_conditions
 
-    return make_conditions(texts(temperature), elapsed, None if log is None else Path(log))
+    return make_conditions(texts(temperature), elapsed, log, log_columns)
 
 
 class Corrected(Shown, msgspec.Struct, frozen=True, dict=True):
@@ -177,7 +201,7 @@ def correct(
     G0 X100 Y0 Z0 1
     """
     from kinematics.error_model.classes import ORIENTATION, parse_classes
-    from machines.given import load_calibration, load_machine
+    from machines.given import load_machine
     from postproc.compensation.correction import COLD
     from postproc.control.without_effect import refuse_without_effect
     from postproc.correct.job import Job
@@ -192,7 +216,7 @@ def correct(
         raise UserError(f"--classes {classes}: machine {found.name} has no rotary axis to correct the orientation with")
     source, setup = open_program(program), set_up_of(program, found, setup)
     language = find_dialect(dialect, source.name, source.text_head)
-    model = load_calibration(found, calibration)
+    model = _model_of(found, calibration, setup, conditions or COLD)
     job = Job(
         source,
         language,
@@ -281,24 +305,22 @@ def verify(
     UserError where the second program makes other moves than the first, or was corrected for another set-up. An
     example is in the docstring of the module `ncomp`.
     """
-    from machines.given import load_calibration, load_machine
+    from machines.given import load_machine
     from postproc.compensation.correction import COLD
     from postproc.verification.verify_programs import Models, verify_programs
 
-    found = load_machine(machine)
-    models = Models(
-        load_calibration(found, calibration),
-        None if old is None else load_calibration(found, old),
-        None if align is None else load_calibration(found, align),
-    )
+    found, at = load_machine(machine), conditions or COLD
+    setup = set_up_of(program, found, setup)
+    others = (None if each is None else _model_of(found, each, setup, at) for each in (old, align))
+    models = Models(_model_of(found, calibration, setup, at), *others)
     programs = open_program(program), open_program(corrected)
     return verify_programs(
         programs,
         found,
         models,
-        set_up_of(program, found, setup).for_errors(*(model for model, _ in models.by_key().values())),
+        setup.for_errors(*(model for model, _ in models.by_key().values())),
         dialect=dialect,
-        conditions=conditions or COLD,
+        conditions=at,
         classes=classes,
         tolerance_um=tolerance_um,
         accept=accept,

@@ -12,6 +12,7 @@ import msgspec
 
 from kinematics.user_error import UserError
 from machines.given import load_calibration, load_machine
+from postproc.control.setup import parse_height_map
 from postproc.interface.programs import Corrected, check, conditions, correct, set_up
 
 if TYPE_CHECKING:
@@ -54,7 +55,10 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
     def inputs(self) -> tuple[str | Path | None, ...]:
         """Files that are named in addition to the programs; None for one that is not given."""
         calibration = self.calibration if self.calibration != "none" else None
-        return (calibration, *self.set_up.get("tool_table", ()), self.conditions.get("log"))
+        given = self.set_up.get("height_map")
+        map_file = None if given is None else parse_height_map(given)[0]
+        log = map(self.conditions.get, ("log", "log_columns"))
+        return (calibration, *self.set_up.get("tool_table", ()), map_file, *log)
 
     def setup(self, machine: Machine) -> Setup:
         """The set-up of the control; UserError for one that cannot be used."""

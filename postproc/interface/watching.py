@@ -12,7 +12,6 @@ from typing import Protocol
 
 from kinematics.user_error import UserError
 from postproc.folders.called import earlier_beside
-from postproc.folders.own_set_up import SUFFIX
 from postproc.folders.programs import (
     REFUSED,
     Correction,
@@ -29,6 +28,7 @@ from postproc.folders.sets import Sets
 from postproc.interface.job_file import own_in_job, read_job
 from postproc.interface.renewed import Renewed
 from postproc.interface.request import Request
+from postproc.program_set import SET_UP
 
 LOOKS = 4
 """Looks at the folder within the time for which a file must not change."""
@@ -243,7 +243,7 @@ class Watch:
 def _state(program: FolderProgram) -> Fingerprint | None:
     """The state of a program, of the file with its set-up and of those that it calls; None for one not there."""
     found: list[int] = []
-    for path in (program.path, program.path.with_name(program.path.name + SUFFIX), *program.called):
+    for path in (program.path, program.path.with_name(program.path.name + SET_UP), *program.called):
         with suppress(OSError):
             state = path.stat()
             found += [state.st_mtime_ns, state.st_size]

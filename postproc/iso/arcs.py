@@ -51,7 +51,7 @@ def end_words(channel: Channel, content: Content) -> tuple[AxisWords, Polar | No
     axes = modal.plane_columns[:2]
     others, polar = modal.polar.take(content.block, axes, words)
     if polar is None:
-        channel.recorder.lock_axes(axes)
+        channel.recorder.note("locked_axes", axes)
     channel.no_insertion = True
     return others, polar
 
@@ -59,7 +59,7 @@ def end_words(channel: Channel, content: Content) -> tuple[AxisWords, Polar | No
 def go_polar(channel: Channel, target: list[float], polar: Polar) -> None:
     """Set the polar end of a move in its target."""
     target[polar.axes[0]], target[polar.axes[1]] = point_around((0.0, 0.0), polar.radius, polar.angle)
-    channel.recorder.record_polar(polar)
+    channel.recorder.note("polars", polar)
 
 
 # ---- tool vectors

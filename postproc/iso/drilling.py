@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from postproc.control.channel import AxisWords
+from postproc.control.channel import LEANS, AxisWords
 from postproc.control.words import whole_of
 from postproc.iso.arcs import end_words, go_polar
 from postproc.iso.channel import Channel
@@ -111,8 +111,8 @@ def _check_cycle_frame(channel: Channel, content: Content, cycle: CannedCycle) -
         _check_switched(channel, content, cycle)
     if cycle.axis != modal.plane_columns[2]:
         raise content.refuse("a change of the plane within a canned cycle is not corrected: write G80 before it")
-    if channel.recorder.frame.tcp and not modal.tilted:
-        raise content.refuse("a canned cycle under TCP is not corrected: switch TCP off before it")
+    if not modal.tilted and channel.leans(cycle.axis):
+        raise content.refuse(f"a canned cycle under TCP {LEANS.format(axis=modal.plane[2])}")
     if modal.scaled_along(cycle.axis):
         raise content.refuse(
             "controls differ in canned cycles with a scaled or mirrored depth: end the scale or mirror before it"

@@ -274,6 +274,28 @@ FANUC: Operations = {
 """Operations by FANUC's manual: fractions are rounded towards zero or away from zero."""
 
 
+TELLS_VACANT = frozenset(("EQ", "NE"))
+"""Operations that tell an empty variable from 0."""
+NEEDS_VALUE = frozenset(("neg", "pos", "program", "repeated program", "repetitions"))
+"""Operations that have no result for an empty variable: X-#1 is no X0."""
+
+
+def _with_vacant(name: str, operation: Callable[..., Value]) -> Callable[..., Value]:
+    """The operation of FANUC, for which an empty variable counts as 0; NotKnown where it has no result."""
+    if name in TELLS_VACANT:
+        return operation
+    if name in NEEDS_VALUE:
+        return lambda value: _vacant() if value == EMPTY else operation(value)
+    return lambda *values: operation(*(0.0 if value == EMPTY else value for value in values))
+
+
+def _vacant() -> Value:
+    raise NotKnown(
+        "the variable is empty, and its sign (- or +) or a program of its number is not known: give it a value before "
+        "this block"
+    )
+
+
 def variables_of(family: str) -> IsoVariables:
     """The variables of a program, for controls of a family."""
     if family in ("any", "grbl"):
@@ -287,4 +309,5 @@ def variables_of(family: str) -> IsoVariables:
             "repetitions": lambda number: float(number // SPLIT) or 1.0,
             "repeated program": lambda n: _program(n % SPLIT),
         }
+        plain = {name: _with_vacant(name, operation) for name, operation in plain.items()}
     return IsoVariables(plain, empty=True, last_local=LOCALS[-1])

@@ -68,7 +68,8 @@ def centre_words(block: Block, other: Mapping[str, int], plane: str, radius: str
     outside = [a for a in CENTRES if a not in letters and a in other and block.words[other[a]].value]
     if outside:
         raise block.refuse(
-            f"{outside[0]} gives no centre in the plane of {' and '.join(plane[:2])}: write {' and '.join(letters)}"
+            f"{outside[0]} gives no centre in the plane of {' and '.join(plane[:2])}, and no manual says that the "
+            f"control leaves it out: write {' and '.join(letters)} alone"
         )
     first, second = other.get(letters[0]), other.get(letters[1])
     if first is None and second is None:

@@ -24,9 +24,9 @@ def follow_contour(recorder: Recorder, plane: tuple[int, int], target: list[floa
     A move that keeps its position in the plane must not get a word of ncomp that makes it a contour move.
     """
     i, j = plane
-    recorder.follow_contour(plane)
+    recorder.note("cutter_compensated", plane)
     if arc is None and same((recorder.position[i], recorder.position[j]), (target[i], target[j])):
-        recorder.lock_axes(plane)
+        recorder.note("locked_axes", plane)
 
 
 def check_turned(block: Block, before: tuple[Point, Point], after: tuple[Point, Point]) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
@@ -19,6 +19,10 @@ NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
 """Plane of a rotation about each axis, by three letters: the last is the axis itself."""
 ALIKE = 1e-9
 """Relative difference of two scales below which it is rounding."""
+MOVED_MM = 100.0
+"""Way of a drilling axis along which its direction is compared."""
+SAME_MM = 1e-7
+"""Difference of two positions below which it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,25 @@ def cartesian(machine: Machine) -> tuple[int, int, int]:
             "measurements of it can be fitted and diagnosed"
         )
     return machine.index("X"), machine.index("Y"), machine.index("Z")
+
+
+def other_frame(machine: Machine, frame: Frame) -> Frame:
+    """The frame of the same block on the control with TCP switched off, or on."""
+    offset, z = list(frame.offset), cartesian(machine)[2]
+    offset[z] += frame.tool_length if frame.tcp else -frame.tool_length
+    return replace(frame, offset=tuple(offset), tcp=not frame.tcp)
+
+
+def drills_along(machine: Machine, frame: Frame, program: Sequence[float], axis: int) -> bool:
+    """True where TCP does not matter to a drilling axis: it moves the same way by the same numbers without it.
+
+    That is where the tool stands along the axis of the part. program `(axes)`: the position, mm and degrees.
+    """
+    ends = np.array([program, program], float)
+    ends[1, axis] += MOVED_MM
+    other = to_program(machine, other_frame(machine, frame), to_machine(machine, frame, ends))
+    apart = np.abs(other - ends)[0, axis], np.abs(other[1] - other[0] - (ends[1] - ends[0])).max()
+    return bool(max(apart) < SAME_MM)
 
 
 def in_workpiece(machine: Machine, frame: Frame, program: Array) -> Array:

@@ -16,7 +16,7 @@ from postproc.motion.axis_words import AxisWords
 from postproc.motion.circle_columns import CircleColumns
 from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
-from postproc.motion.moves import Arc, Cycle, Kind, Known, Paced, Polar, PolarEnd
+from postproc.motion.moves import Arc, Cycle, Kind, Known, Paced, Polar, PolarEnd, Spline
 from postproc.motion.rotary_words import RotaryWord
 from postproc.text import blocks as text_blocks
 from postproc.text.blocks import Blocks
@@ -73,6 +73,8 @@ class Motions(Shown):
     """Positions in polar coordinates by row."""
     cutter_compensated: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     """Columns of the plane, by row of a move that the control shifts by the tool radius."""
+    splines: Mapping[int, Spline] = field(default_factory=dict)
+    """Points of splines by row; such a row is a straight line to its point."""
     locked_axes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     """Columns of axes for which no word may be added to the block, by row."""
     paced: Mapping[int, Paced] = field(default_factory=dict)
@@ -103,6 +105,14 @@ class Motions(Shown):
 
     def __len__(self) -> int:
         return len(self.block)
+
+    @column
+    def left_elsewhere(self) -> NDArrayBool:
+        """True `(n, axes)` where a cycle without a move of its own has left an axis elsewhere than the row before."""
+        moved = np.zeros(self.start.shape, bool)
+        same = (self.frame[1:] == self.frame[:-1]) & (self.kind[:-1] != Kind.CYCLE)
+        moved[1:] = same[:, None] & (np.abs(self.start[1:] - self.target[:-1]) > SAME)
+        return np.asarray(moved & (self.known_start == Known.MACHINE))
 
     @column
     def evaluated(self) -> NDArrayBool:
@@ -314,7 +324,7 @@ COLUMNS = (
     *("start", "target", "known_start", "known"),
 )
 """Fields of Motions with one row per move."""
-BY_ROW = ("arcs", "cycles", "polars", "cutter_compensated", "locked_axes", "paced", "rotary_words")
+BY_ROW = ("arcs", "cycles", "polars", "cutter_compensated", "splines", "locked_axes", "paced", "rotary_words")
 """Fields of Motions with entries for some rows."""
 
 

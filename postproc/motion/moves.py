@@ -131,6 +131,15 @@ class Cycle(NamedTuple):
     """True if its block is in G90 and the start of the cycle in G91, or the reverse."""
 
 
+class Spline(NamedTuple):
+    """A block of a spline, whose curve the control works out from the programmed points."""
+
+    name: str
+    """`ASPLINE`: Akima spline through the points; `CSPLINE`: cubic spline through them; `BSPLINE`: they control it."""
+    points: tuple[tuple[float, ...], ...]
+    """The last points of the spline, with that of this block, on which the curve up to it depends."""
+
+
 class Polar(NamedTuple):
     """Position in a plane by radius, mm, and angle, degrees, about the programmed origin."""
 

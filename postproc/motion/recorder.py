@@ -141,6 +141,8 @@ class Recorder:
         self._record(block, kind, target, unit, (incremental, timed, frame_unchanged), words, before)
         *_, start, end, _, _ = self._rows[-1]
         self._last = (self.frame, start, end, arc)
+        if len(self._rows) + self._joined - 1 in self._by_row["splines"]:
+            self._last = None  # the direction of its end is not known
         self.used = self.frame
 
     def plain_moves(self, run: PlainRun, unit: float) -> PlainMoves:
@@ -210,21 +212,13 @@ class Recorder:
         elif not cycle.to_retract:
             self.known[cycle.axis] = before
 
-    def record_polar(self, polar: Polar) -> None:
-        """Record the polar position of the next move, whose words name no axis of its plane."""
-        self._by_row["polars"][self._row] = polar
-
     def record_polar_end(self, block: int, end: PolarEnd) -> None:
         """Record the polar end of a block."""
         self._polar_ends[block] = end
 
-    def follow_contour(self, plane: tuple[int, int]) -> None:
-        """Record that the control shifts the next move by the tool radius, in a plane of these columns."""
-        self._by_row["cutter_compensated"][self._row] = plane
-
-    def lock_axes(self, axes: tuple[int, ...]) -> None:
-        """Record that no word for these axes may be added to the next move."""
-        self._by_row["locked_axes"][self._row] = axes
+    def note(self, name: str, entry: object) -> None:
+        """Record an entry of the next move, of one of the names BY_ROW of Motions."""
+        self._by_row[name][self._row] = entry
 
     def call(self, block: int, unit: float, words: tuple[AxisWord, ...]) -> None:
         """Record a preset: its words give the current position in the present frame, which they define."""

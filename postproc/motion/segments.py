@@ -128,7 +128,7 @@ def part_of(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
 def like(nominal: Motions, commanded: Motions) -> Motions | None:
     """The nominal moves with the segments and backlash take-ups of the commanded ones; None for different moves."""
     own = np.flatnonzero(~commanded.added)
-    if len(own) != len(nominal) or not np.array_equal(nominal.kind, commanded.kind[own]):
+    if len(own) != len(nominal) or not _same_kinds(nominal.kind, commanded.kind[own]):
         return None
     moves = commanded.kind != Kind.TAKE_UP
     cuts = _cuts_of(nominal, commanded, commanded.added & moves)
@@ -142,6 +142,17 @@ def like(nominal: Motions, commanded: Motions) -> Motions | None:
     if len(before) and before[-1] >= len(result):
         return None
     return with_backlash_take_ups(result, before, commanded.known[takes_up] == Known.PROGRAM)
+
+
+def _same_kinds(nominal: np.ndarray, commanded: np.ndarray) -> bool:
+    """True for the same kinds `(n,)` of moves; a conversion of the tool point writes arcs as straight lines."""
+    lines_of_arcs = (nominal == Kind.ARC) & (commanded == Kind.LINE)
+    return bool(((_kinds(nominal) == _kinds(commanded)) | lines_of_arcs).all())
+
+
+def _kinds(kinds: np.ndarray) -> np.ndarray:
+    """Kinds `(n,)` of moves: a hole of a pattern is like a rapid to a hole by itself."""
+    return np.where(kinds == Kind.PATTERN, Kind.RAPID, kinds)
 
 
 def _cuts_of(nominal: Motions, commanded: Motions, pieces: NDArrayBool) -> dict[int, list[float]] | None:

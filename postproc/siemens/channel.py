@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from postproc.control import channel
 from postproc.control.channel import AxisWords
-from postproc.control.codes import HARMLESS_M, PLANES, PROBE_BESIDE
+from postproc.control.codes import HARMLESS_M, MOTION, PLANES, PROBE_BESIDE
 from postproc.siemens.codes import END_OF_SUBPROGRAM, FEED_MODES, MEASURING, UNITS
 from postproc.siemens.modal_state import ModalState
 from postproc.siemens.polar import Polar
@@ -39,7 +39,9 @@ class Channel(channel.Channel):
         super().accept(block, name, reason, moves=moves)
 
     def take_mode(self, block: Block, code: float) -> bool:
-        """Take over a modal G code; another plane has no polar coordinates yet."""
+        """Take over a modal G code; another plane has no polar coordinates yet, a motion ends a spline."""
+        if code in MOTION:
+            self.modal.spline = ""
         if code in PLANES:
             self.modal.polar = Polar()
         return super().take_mode(block, code)

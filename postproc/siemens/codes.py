@@ -16,6 +16,13 @@ CALCULATED_ARCS = frozenset(("CIP", "CT"))
 """Arcs that a correction writes as G2 or G3."""
 MIDDLES = ("I1", "J1", "K1")
 """The point between of CIP, along X, Y and Z."""
+SPLINES = frozenset(("ASPLINE", "BSPLINE", "CSPLINE"))
+"""Curves of which the points are corrected."""
+SPLINE_ENDS = frozenset(("BAUTO", "BNAT", "BTAN", "EAUTO", "ENAT", "ETAN"))
+"""Conditions at the beginning and at the end of a spline."""
+SPLINE_WORDS = frozenset(("PW", "SD", "PL"))
+"""Weight of a point, degree, and interval of the parameter, of B-splines."""
+CALCULATED_CURVES = CALCULATED_ARCS | SPLINES | SPLINE_ENDS
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
 FEED_MODES = frozenset((93.0, 94.0, 95.0, 96.0, 97.0, 961.0, 971.0))
 WORK_OFFSETS = frozenset((*map(float, range(54, 58)), *map(float, range(505, 600)), 500.0))
@@ -74,13 +81,15 @@ HARMLESS_CALLS = _all(
 SKIPPABLE_G = frozenset((DWELL, 9.0, 60.0, 64.0, *map(float, range(641, 646))))
 SKIPPABLE_NAMES = (HARMLESS_NAMES | HARMLESS_CALLS) - FRAME_ENDS - {"CYCLE832"}
 """Whether they run does not change the meaning of other blocks."""
-MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800") | CALCULATED_ARCS
+MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800") | CALCULATED_CURVES
 """Words that the interpreter follows, alone or with parentheses."""
 FRAME_NAMES = _all("TRANS ATRANS ROT AROT ROTS AROTS CROTS SCALE ASCALE MIRROR AMIRROR")
 SPATIAL_NAMES = _all("ROTS AROTS CROTS")
 
 CYCLES_AT_POSITION = _all("CYCLE81 CYCLE82 CYCLE83 CYCLE84 CYCLE840 CYCLE85 CYCLE86 CYCLE87 CYCLE88 CYCLE89")
 """One hole at the present position; they leave the tool on the retraction plane of their first argument."""
+DRILLING_CYCLES = CYCLES_AT_POSITION - {"CYCLE86"}
+"""Those that move along the drilling axis alone; CYCLE86 also moves off the wall."""
 CYCLES_ELSEWHERE = _all(
     "HOLES1 HOLES2 CYCLE801 CYCLE802 POCKET1 POCKET2 POCKET3 POCKET4 SLOT1 SLOT2 LONGHOLE CYCLE61 CYCLE63 CYCLE64 "
     "CYCLE70 CYCLE71 CYCLE72 CYCLE76 CYCLE77 CYCLE78 CYCLE79 CYCLE90 CYCLE899"
@@ -95,9 +104,7 @@ MEASURING = re.compile(r"CYCLE(9[67]\d|982|99\d)")
 CALLS = _all("CALL EXTCALL PCALL")
 """Words before the name of a program in quotes."""
 REFUSED_NAMES = {
-    **dict.fromkeys(
-        ("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "begins a spline, which is not corrected: write G1, G2 or G3"
-    ),
+    "POLY": "begins polynomials, which are not corrected: write G1, G2 or G3",
     **dict.fromkeys(("INVCW", "INVCCW"), "is an involute, which is not corrected: write G1, G2 or G3"),
     **dict.fromkeys(
         ("DIAMON", "DIAM90", "DIAMONA"), "begins diameter programming, which is not corrected: write radii and DIAMOF"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from postproc.control.channel import LEANS
 from postproc.siemens.channel import Channel
-from postproc.siemens.codes import CYCLES, CYCLES_AT_POSITION
+from postproc.siemens.codes import CYCLES, CYCLES_AT_POSITION, DRILLING_CYCLES
 from postproc.siemens.modal_state import Cycle
 from postproc.siemens.variables import EMPTY
 from postproc.siemens.words import Content
@@ -48,15 +49,17 @@ def _cycle(word: Word, scope: Scope) -> Cycle:
 
 
 def _run(channel: Channel, index: int, block: Block, cycle: Cycle) -> None:
-    recorder, notes, name = channel.recorder, channel.notes, cycle.name
+    recorder, notes, name, axis = channel.recorder, channel.notes, cycle.name, channel.modal.plane_columns[2]
     if recorder.frame.tcp and not recorder.frame.couples:
-        raise block.refuse(f"{name} while TRAORI is on is not corrected: write TRAFOOF before it")
+        if name not in DRILLING_CYCLES:
+            raise block.refuse(f"{name} while TRAORI is on is not corrected: write TRAFOOF before it")
+        if channel.leans(axis):
+            raise block.refuse(f"{name} while TRAORI is on {LEANS.format(axis=channel.modal.plane[2])}")
     if name not in CYCLES_AT_POSITION:
         channel.mark_unknown("XYZ")
         notes.add(f"{name}: the positions in its arguments stay as programmed and are not corrected", block.line)
         return
     notes.add(f"{name} runs from the corrected position; its arguments stay as programmed", block.line)
-    axis = channel.modal.plane_columns[2]
     if cycle.retraction is None:
         recorder.mark_unknown([axis])
     else:

@@ -20,6 +20,7 @@ from postproc.siemens.arcs import ARC_WORDS, Programmed, arc_of, calculated_arc,
 from postproc.siemens.channel import Channel
 from postproc.siemens.codes import (
     CALCULATED_ARCS,
+    CALCULATED_CURVES,
     CORNERS,
     FRAME_ENDS,
     HARMLESS_G,
@@ -40,6 +41,7 @@ from postproc.siemens.modal_state import ModalState, SavedModes
 from postproc.siemens.polar import POLAR
 from postproc.siemens.reading.calls import ends, saves_modes
 from postproc.siemens.reading.definitions import define_all
+from postproc.siemens.splines import begin_spline, take_point
 from postproc.siemens.tools import take_functions
 from postproc.siemens.variables import EMPTY, SiemensVariables
 from postproc.siemens.words import Content, check, plain_of, sort
@@ -82,10 +84,12 @@ class SiemensInterpreter(Interpreter):
                 "subprogram is active: write its positions as blocks, or MCALL before it"
             )
         block, self._moved = self._moved, None
-        if block is not None and (self.modal.compensated or self.modal.cornered or self.recorder.stayed):
+        if block is not None and (
+            self.modal.compensated or self.modal.cornered or self.modal.spline or self.recorder.stayed
+        ):
             raise block.refuse(
-                "MCALL of a subprogram with radius compensation, a broken corner or a move to the present position is "
-                "not followed: end it before the block"
+                "MCALL of a subprogram with radius compensation, a broken corner, a spline or a move to the present "
+                "position is not followed: end it before the block"
             )
         return block is not None
 
@@ -129,7 +133,7 @@ class SiemensInterpreter(Interpreter):
         elif content.moves and claimed not in WITHOUT_MOTION:
             drills, points = modal.cycle is not None, not VECTOR_WORDS.isdisjoint(content.other)
             block = self._move(index, block, content, divisible=not drills)
-            channel.no_insertion = corner or modal.compensated or drills or points
+            channel.no_insertion = corner or modal.compensated or drills or points or bool(modal.spline)
             run_modal_cycle(channel, index, block)
             self._moved = block
         self._moved_otherwise = block if _moves_otherwise(content, claimed) else None
@@ -182,8 +186,8 @@ class SiemensInterpreter(Interpreter):
             )
         if "CYCLE832" in content.names:
             check_tolerance_cycle(channel, block, block.words[content.names["CYCLE832"]])
-        if not CALCULATED_ARCS.isdisjoint(content.names):
-            self._calculate_arc(block, content)
+        if not CALCULATED_CURVES.isdisjoint(content.names):
+            self._begin_curve(block, content)
         if "TRAORI" in content.names or "TRAFOOF" in content.names:
             self._switch_tcp(block, content)
         if "ORIWKS" in content.names or "ORIMKS" in content.names:
@@ -192,10 +196,13 @@ class SiemensInterpreter(Interpreter):
             raise block.refuse("RET with arguments returns to another block, which is not followed: write RET alone")
         return claimed
 
-    def _calculate_arc(self, block: Block, content: Content) -> None:
-        """CIP and CT instead of G2 and G3."""
+    def _begin_curve(self, block: Block, content: Content) -> None:
+        """A spline, or CIP and CT instead of G2 and G3."""
         modal = self.modal
-        if len(CALCULATED_ARCS & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
+        if CALCULATED_ARCS.isdisjoint(content.names):
+            begin_spline(self.channel, block, content)
+            return
+        if len(CALCULATED_CURVES & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
             raise block.refuse("CIP and CT exclude G0 to G3 and each other in one block: write one of them")
         if not POLAR.isdisjoint(content.other) or modal.tcp:
             raise block.refuse(
@@ -205,7 +212,7 @@ class SiemensInterpreter(Interpreter):
             raise block.refuse(
                 "CIP or CT directly after a chamfer or rounding is not corrected: write G2 or G3 with a centre"
             )
-        modal.motion = BY_CONTROL
+        modal.motion, modal.spline = BY_CONTROL, ""
 
     def _set_work_offset(self, block: Block, name: str) -> None:
         channel, modal, state = self.channel, self.modal, self.control_state
@@ -249,7 +256,7 @@ class SiemensInterpreter(Interpreter):
 
     def _machine_move(self, index: int, block: Block, content: Content) -> None:
         modal = self.modal
-        if modal.motion not in (None, 0.0, 1.0):
+        if modal.motion not in (None, 0.0, 1.0) or modal.spline:
             raise block.refuse("machine coordinates need a straight line: write G0 or G1")
         words = self.channel.axis_words(block, content.axes)
         if words and (modal.tcp or modal.cycle is not None):
@@ -288,6 +295,7 @@ class SiemensInterpreter(Interpreter):
         if not VECTOR_WORDS.isdisjoint(content.other):
             self._point(block, content, target)
         arc = self._arc(programmed.block, content, target, polar) if kind is Kind.ARC else None
+        take_point(channel, block, content, target)
         if modal.compensated:
             follow_contour(self.recorder, modal.plane_columns[:2], target, arc)
         channel.move(index, kind, target, programmed.words, arc, divisible=divisible)

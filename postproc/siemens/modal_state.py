@@ -49,6 +49,12 @@ class ModalState(modal_state.ModalState):
     """ORIMKS: vectors are those of the machine."""
     rounded: bool = False
     """The control rounds every corner."""
+    spline: str = ""
+    """The spline in force: ASPLINE, BSPLINE or CSPLINE; empty for another motion."""
+    spline_points: tuple[tuple[float, ...], ...] = ()
+    """Its last points, programmed coordinates, mm and degrees."""
+    spline_frame: Frame | None = None
+    """Their frame."""
     cornered: bool = False
     """The control breaks the corner after the block."""
 
@@ -61,7 +67,7 @@ class ModalState(modal_state.ModalState):
     def plain(self) -> bool:
         """True while lines of axis words are moves to absolute positions without corners and cycles."""
         blocked = self.ended or self.compensated or self.cornered or self.rounded or self.polar.radius is not None
-        special = self.tilted or self.cycle is not None
+        special = self.tilted or self.cycle is not None or bool(self.spline)
         noted = bool(self.length) and self.plane != "XYZ"
         passive = not set(self.machine.control.passive_axes).isdisjoint(self.machine.names)
         return self.absolute and not (blocked or special or noted or passive)
@@ -118,5 +124,5 @@ class SavedModes(NamedTuple):
         return modal.work_offset != self.work_offset
 
 
-SAVED = ("motion", "plane", "unit", "absolute", "timed", "rounded", "machine_vectors")
+SAVED = ("motion", "spline", "plane", "unit", "absolute", "timed", "rounded", "machine_vectors")
 """Modes of G codes."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -84,6 +85,24 @@ def _agreed(as_documented: Value, as_usual: Value) -> Value:
     return as_documented
 
 
+NAME = re.compile(r"(?:_N_)?(\w+?)(?:[._](?:SPF|MPF))?")
+"""The name of a program, in a name or in that of its file."""
+
+
+def label(name: Value, home: Value) -> str:
+    """The label of a program by its name, or by a path whose folder is the one of the calling program, `home`.
+
+    NotKnown for other paths.
+    """
+    folder, _, last = str(name).upper().strip().rpartition("/")
+    if (folder and folder != home) or not (match := NAME.fullmatch(last)):
+        raise NotKnown(
+            "a program is called by its name, or by a path in the folder that ;$PATH= gives, and looked for in the "
+            'folders of the programs: write CALL "NAME"'
+        )
+    return f"%{match[1]}"
+
+
 OPERATIONS: Operations = {
     **ARITHMETIC,
     **COMPARISONS,
@@ -112,6 +131,7 @@ OPERATIONS: Operations = {
     "CSCALE": unscaled,
     "CMIRROR": unturned,
     ":": chained,
+    "called program": label,
 }
 
 
@@ -119,6 +139,10 @@ def _bits(a: float) -> int:
     if a != int(a) or a < 0.0:
         raise NotKnown(f"{a:g} in a bit operation is no whole number of 0 or more: write such a number")
     return int(a)
+
+
+MEASURED = frozenset(("$AA_IW", "$AA_IM", "$AA_IB", "$AA_IEN", "$AA_IBN"))
+"""Actual positions of an axis, in the coordinates of the workpiece, the machine and between them."""
 
 
 @dataclass
@@ -175,6 +199,11 @@ class SiemensVariables:
             return CONSTANTS[name]
         if name in MACHINING and name not in here.kinds:
             return MACHINING[name]
+        if name in MEASURED:
+            raise NotKnown(
+                f"{shown} is the position that the control measures, which a correction changes: no coordinate, loop "
+                "or branch can depend on it. Write a number, or count in an R parameter"
+            )
         if name.startswith("$"):
             raise NotKnown(f"{shown} belongs to the control, and its value is not known to ncomp: write a number")
         if name in SETTINGS:

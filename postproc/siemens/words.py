@@ -22,12 +22,13 @@ from postproc.siemens.codes import (
     REFUSED_NAMES,
     SKIPPABLE_G,
     SKIPPABLE_NAMES,
+    SPLINE_WORDS,
 )
 from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, Formula
 
 AXES = "XYZABCUVWEQ"
-ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | {"T", "D"}
+ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | SPLINE_WORDS | {"T", "D"}
 """Addresses that may be in any block."""
 OF_CONTROL = re.compile(r"CYCLE\d+")
 """Names of cycles of the control: their variables are their own."""

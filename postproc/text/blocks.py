@@ -12,6 +12,7 @@ from typing import overload
 import numpy as np
 
 from kinematics.machine import NDArrayBool
+from kinematics.transforms import Array
 from postproc.text.block import Block
 from postproc.text.plain_lines import PlainColumns, PlainLines
 from postproc.text.source import ENCODING
@@ -48,8 +49,22 @@ class PlainRun:
     @cached_property
     def columns(self) -> PlainColumns:
         """The words of the lines; positions are those in the piece."""
+        return self._of_lines(self.lines.columns)
+
+    @cached_property
+    def feeds(self) -> Array:
+        """Values of the F words `(lines,)`; nan where a line has none."""
+        columns = self.with_feeds
+        return np.where(columns.end[-2] > 0, columns.value[-2], np.nan)
+
+    @cached_property
+    def with_feeds(self) -> PlainColumns:
+        """The words, and those of F and the last words, as of `PlainLines.with_feeds`."""
+        return self._of_lines(self.lines.with_feeds)
+
+    def _of_lines(self, columns: PlainColumns) -> PlainColumns:
         rows = slice(self.first, self.last)
-        return PlainColumns(*(column[..., rows] for column in vars(self.lines.columns).values()))
+        return PlainColumns(*(column[..., rows] for column in vars(columns).values()))
 
 
 class Blocks(Sequence[Block]):
@@ -96,6 +111,13 @@ class Blocks(Sequence[Block]):
             yield from part if isinstance(part, list) else map(part.block, range(len(part)))
 
     @property
+    def numbered(self) -> Iterator[tuple[int, Block]]:
+        """The blocks that are no plain lines of a run, with their indices."""
+        for part, first in zip(self.parts, self.firsts, strict=False):
+            if isinstance(part, list):
+                yield from enumerate(part, start=first)
+
+    @property
     def read_singly(self) -> Iterator[Block]:
         """The blocks that are no plain lines of a run."""
         return itertools.chain.from_iterable(part for part in self.parts if isinstance(part, list))
@@ -118,6 +140,11 @@ class Blocks(Sequence[Block]):
             for part in self.parts
         ]
         return np.concatenate(numbers) if numbers else np.zeros(0, int)
+
+    @cached_property
+    def in_lists(self) -> NDArrayBool:
+        """True `(blocks,)` for the blocks that are no plain lines of a run."""
+        return self.marked(lambda _: True)
 
     def marked(self, mark: Callable[[Block], bool]) -> NDArrayBool:
         """True `(blocks,)` for the blocks that `mark` marks; it marks no plain line."""

@@ -6,7 +6,6 @@ a whole and followed in the order of execution; every block comes as often as it
 
 from __future__ import annotations
 
-import copy
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol, cast
@@ -15,8 +14,10 @@ import msgspec
 
 from postproc.text.block import Block
 from postproc.text.block_values import with_values
+from postproc.text.blocks import PlainRun
 from postproc.text.branches import StructureSteps
 from postproc.text.calls.listing import Files, Listing, OneFile, Passed
+from postproc.text.calls.repetition import Repetition
 from postproc.text.expressions import Expression, NotKnown, Scope, Value, evaluate, number, whole
 from postproc.text.statements import (
     Call,
@@ -113,22 +114,6 @@ class _Frame(msgspec.Struct):
     """Remaining iterations of a loop, by the block that opens it."""
 
 
-class _Repetition(msgspec.Struct):
-    """Finds a program that comes back to a state: it never ends. The state is kept at the powers of two (Brent)."""
-
-    steps: int = 0
-    kept: tuple[int, object] | None = None
-
-    def found(self, at: int, state: object) -> bool:
-        """Whether the program has been in this state before a block; called at every step back."""
-        if self.kept == (at, state):
-            return True
-        self.steps += 1
-        if self.steps & (self.steps - 1) == 0:
-            self.kept = at, copy.deepcopy(state)
-        return False
-
-
 def never(_: Block) -> bool:
     """False for every block, if one file holds one program."""
     return False
@@ -165,14 +150,14 @@ class Flow:
             EndModal: self._end_modal,
             Rerun: self._rerun,
         }
-        self.repetition = _Repetition()
+        self.repetition = Repetition()
         self.ran: set[int] = set()
         """Blocks that have run."""
         self._jumped = False
         """The next block is the target of the last jump."""
 
-    def run(self, reader: Reader) -> Iterator[tuple[int, Block]]:
-        """Blocks in the order in which they run, with their indices; each is read before the next is taken."""
+    def run(self, reader: Reader) -> Iterator[tuple[int, Block | PlainRun]]:
+        """Blocks, or runs of plain lines, as they run, with the index of the first; each is read before the next."""
         at, ran = 0, 0
         blocks, ends = self.blocks, self.listing.ends
         while (at < len(blocks) and at not in ends) or not self.listing.at_end(at):
@@ -180,22 +165,22 @@ class Flow:
             ran += 1
             if ran > LONGEST:
                 raise block.refuse(f"the program does not end within {LONGEST} blocks: check its loops and jumps")
-            self.ran.add(at)
             jumped, self._jumped, then = self._jumped, False, None
+            plain = None if jumped or self._modal_call() else self.listing.plain(at, self.frames[-1].last, self.ran)
+            self.ran.add(at)
             if block.code is not None:
                 then = self._steps(at, block, block.code.before)
-            if then is None:
+            if plain is not None:
+                yield at, plain
+                self.ran.update(range(at, at + len(plain)))
+                at, ran = at + len(plain) - 1, ran + len(plain) - 1
+            elif then is None:
                 modal = self._modal_call()
                 turning = block.code is not None and any(map(turns, block.code.after))
                 no_insertion = jumped or turning or modal is not None
                 yield at, with_values(block._replace(no_insertion=True) if no_insertion else block, self.scope)
                 if modal is not None and reader.moved:
-                    if reader.ended or (block.code is not None and block.code.after):
-                        raise block.refuse(
-                            "a move in one block with a jump, a call or an end is not corrected while "
-                            f"{self._words[0]} is active: write it in a block of its own"
-                        )
-                    then = self._enter(at, block, modal)
+                    then = self._after_move(at, block, modal, ended=reader.ended)
                 elif block.code is not None and not reader.ended:
                     then = self._steps(at, block, block.code.after)
             if reader.ended:
@@ -207,6 +192,15 @@ class Flow:
                     "check the condition of its loop or jump"
                 )
             at = then
+
+    def _after_move(self, at: int, block: Block, modal: _Called, *, ended: bool) -> int | None:
+        """Begin the modal macro behind a move; Refusal where a call or an end is in its block."""
+        if ended or (block.code is not None and block.code.after):
+            raise block.refuse(
+                "a move in one block with a jump, a call or an end is not corrected while "
+                f"{self._words[0]} is active: write it in a block of its own"
+            )
+        return self._enter(at, block, modal)
 
     def _behind(self, at: int) -> int:
         """The block that runs after one without a jump."""

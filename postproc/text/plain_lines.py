@@ -8,7 +8,7 @@ whose meaning needs more than their number, are left to the reader of single lin
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -252,6 +252,26 @@ class PlainLines:
         several = np.flatnonzero(last[1:] & ~last[:-1]) + 1  # the last words of lines with more than one
         found.blank[words.line[several]] = self._classes[words.at[several] - 1] == BLANK
         return found
+
+    @cached_property
+    def with_feeds(self) -> PlainColumns:
+        """The columns, and behind those of `addresses` the column of F, and that of the last word of each line.
+
+        The last word has neither decimals nor a value.
+        """
+        words, found = self._words, self.columns
+        last = np.append(words.line[1:] != words.line[:-1], True)[: len(words.line)]
+        feeds = np.flatnonzero((words.letter == ord("F")) & (self._classes[words.at + 1] != FLAG))
+        columns = [np.zeros((2, len(self)), of.dtype) for of in (found.at, found.start, found.end, found.decimals)]
+        for row, chosen in enumerate((feeds, np.flatnonzero(last))):
+            for column, of in zip(columns, (words.at, words.start, words.end, words.decimals), strict=True):
+                column[row, words.line[chosen]] = of[chosen]
+        value = np.zeros((2, len(self)))
+        for i, line in zip(feeds.tolist(), words.line[feeds].tolist(), strict=True):
+            value[0, line] = float(self.data[words.start[i] : words.end[i]].replace(b",", b"."))
+        both = zip((found.at, found.start, found.end, found.decimals, found.value), (*columns, value), strict=True)
+        at, start, end, decimals, values = (np.vstack(pair) for pair in both)
+        return replace(found, at=at, start=start, end=end, decimals=decimals, value=values)
 
     def order_of(self, column: int, lines: np.ndarray) -> np.ndarray:
         """Index `(k,)` of a word among the words of its line, for `lines` `(k,)` that have it."""

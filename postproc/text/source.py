@@ -45,6 +45,8 @@ class Source(msgspec.Struct, frozen=True, dict=True):
     """The text from standard input or another pipe."""
     origin: str = ""
     """Fingerprint of the program that this one was made from."""
+    before: int = 0
+    """Number that is added to the numbers of its lines: of a text that ncomp makes, as of `line_numbers`."""
     state: tuple[int, int, int] | None = None
     """State of the file when it was opened first: it is read more than once and must not change."""
 
@@ -109,7 +111,7 @@ class Source(msgspec.Struct, frozen=True, dict=True):
             stream.seek(len(self.mark))
             newline = "\n" if self.has_line_feeds else "\r"
             text = io.TextIOWrapper(stream, encoding=ENCODING, newline=newline)
-            for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE), ""), start=1):
+            for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE), ""), start=self.before + 1):
                 self.check_line(number, line)
                 yield number, line
             self.check_unchanged(stream)
@@ -121,7 +123,7 @@ class Source(msgspec.Struct, frozen=True, dict=True):
                 f"{self.name}:{number}: a line of more than {LONGEST_LINE} characters: this is no NC program"
             )
         odd = _ODD.search(line)
-        if odd and not _is_tape_end(line, number):
+        if odd and not _is_tape_end(line, number - self.before):
             raise UserError(f"{self.name}:{number}: {odd[0]!r} is no character of an NC program")
 
     @property

@@ -70,7 +70,7 @@ class CircleWriter:
         i, j = arc.plane[:2]
         if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
             raise block.refuse(
-                "an arc from a position that the program has not given in this frame: program its start before it"
+                "no block gives the start of the arc in this frame, and --start is not enough: write G0, G1 or L to it"
             )
         start, end = ((at[i], at[j]) for at in ends)
         if same(start, end) != arc.full:

@@ -7,6 +7,7 @@ no numbers and jumps refer to them: there the blocks of the program keep their n
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -40,13 +41,17 @@ class BlockNumbers:
         lines = text.splitlines(keepends=True)
         at = next(i for i, line in enumerate(lines) if line.startswith(own[0]))
         behind = at + len(block.text.splitlines())
-        before = [self.next_number() + line for line in lines[:at]]
+        before = self._numbered(lines[:at])
         number = int(own[1]) + self._added
         self._last = number
         start, end = own.span(1)
         kept = lines[at][:start] + str(number) + lines[at][end:]
-        after = [self.next_number() + line for line in lines[behind:]]
-        return "".join([*before, kept, *lines[at + 1 : behind], *after])
+        return "".join([*before, kept, *lines[at + 1 : behind], *self._numbered(lines[behind:])])
+
+    def _numbered(self, lines: Sequence[str]) -> list[str]:
+        """Added lines with their numbers, which a line that continues the one before it does not have."""
+        continued = [False, *(line.rstrip().endswith("~") for line in lines)]
+        return [line if goes_on else self.next_number() + line for line, goes_on in zip(lines, continued, strict=False)]
 
     def renumbered_lines(self, data: bytes) -> bytes:
         """Text of plain lines, renumbered."""

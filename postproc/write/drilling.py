@@ -7,9 +7,19 @@ before the cycle then, and otherwise where the tool is.
 
 from __future__ import annotations
 
+import cmath
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from postproc.motion.moves import Cycle
+import msgspec
+import numpy as np
+
+from kinematics.machine import NDArrayBool
+from kinematics.transforms import Array
+from postproc.compensation.correction import Correction
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Cycle, Kind
 from postproc.text.editing import WordEditor
 
 
@@ -111,3 +121,70 @@ class HoleWriter:
             return self._held.get(quantity, corrected)
         self._held[quantity] = base + scale.unit * programmed
         return self._held[quantity]
+
+
+# ---- patterns of holes, Klartext cycles 220 and 221: one block, which has one position
+
+
+def apart(motions: Motions, correction: Correction, row: int, programmed: NDArrayBool) -> float:
+    """Largest difference, mm, between the corrections of a pattern and of its holes; row: of one of them."""
+    rows = np.flatnonzero(motions.block == motions.block[row])
+    shifts = (correction.target - motions.target)[rows][:, programmed & ~motions.machine.rotary]
+    return float(np.abs(shifts - shifts[:1]).max(initial=0.0))
+
+
+def write_hole(
+    motions: Motions,
+    correction: Correction,
+    row: int,
+    editor: WordEditor,
+    held: list[float],
+    plane: Sequence[tuple[int, int]],
+) -> None:
+    """Write a hole of a pattern as a pattern of its own; `held` becomes its position.
+
+    The block of the pattern keeps its first hole. plane: axes of the pattern, and decimals of their words.
+    """
+    block, unit = editor.block, float(motions.unit[row])
+    style = msgspec.structs.replace(editor.layout.numbers, plus=True)
+    words = {word.address: word for word in block.words}
+    numbers = [style.write(float(correction.target[row, axis]) / unit, decimals) for axis, decimals in plane]
+    circle = "Q241" in words
+    if motions.kind[row - 1] != Kind.PATTERN:
+        for name in {"Q241", "Q242", "Q243"} & words.keys():
+            editor.put(words[name].start, words[name].end, "+1")
+        if circle:
+            _put_on_circle(correction.target[row], editor, held, plane, unit)
+            return
+    texts = {name: block.text[word.start : word.end] for name, word in words.items()}
+    texts |= {**ONE_HOLE, "Q225": numbers[0], "Q226": numbers[1]}
+    head = "CYCL DEF 221 CARTESIAN PATTERN" if circle else block.text.lstrip(" \t0123456789").split("~")[0].strip()
+    lines = [head, *(f"    {name}={texts[name]}" for name in OF_HOLE if name in texts)]
+    editor.lines_after([f"{line} ~" for line in lines[:-1]] + lines[-1:])
+    for axis, decimals in plane:
+        held[axis] = round(float(correction.target[row, axis]) / unit, decimals) * unit
+
+
+def _put_on_circle(
+    target: Array, editor: WordEditor, held: list[float], plane: Sequence[tuple[int, int]], unit: float
+) -> None:
+    """Write diameter and first angle of a circle, whose centre is `held`, for a hole at a target; `held` gets there."""
+    (x, decimals), (y, _) = plane
+    along = complex(float(target[x]) - held[x], float(target[y]) - held[y]) / unit
+    diameter, angle = round(2.0 * abs(along), decimals), round(math.degrees(cmath.phase(along)), ANGLE_DECIMALS)
+    style = msgspec.structs.replace(editor.layout.numbers, plus=True)
+    for word in editor.block.words:
+        if word.address == "Q244":
+            editor.put(word.start, word.end, style.write(diameter, decimals))
+        elif word.address == "Q245":
+            editor.put(word.start, word.end, style.write(angle, ANGLE_DECIMALS))
+    hole = cmath.rect(diameter / 2.0 * unit, math.radians(angle))
+    held[x], held[y] = held[x] + hole.real, held[y] + hole.imag
+
+
+ANGLE_DECIMALS = 4
+"""Decimals of an angle in degrees that Klartext controls read."""
+ONE_HOLE = {"Q237": "+0", "Q238": "+0", "Q242": "+1", "Q243": "+1", "Q224": "+0"}
+"""Spacings, numbers of columns and lines, and rotation of a pattern of one hole."""
+OF_HOLE = ("Q225", "Q226", "Q237", "Q238", "Q242", "Q243", "Q224", "Q200", "Q203", "Q204", "Q301")
+"""Parameters of cycle 221."""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.machine import Machine
+from kinematics.transforms import Array
 from postproc.motion.motions import Motions
+from postproc.motion.moves import Arc
 from postproc.text.block import Block, Edit, edited
 from postproc.text.blocks import Blocks
 from postproc.text.editing import Iterations, Layout, WordEditor, end_of
@@ -47,10 +50,50 @@ class Rewrite:
             end = end_of(editor.block.text) or editor.layout.end
             editor.edits.insert(0, Edit(0, 0, "".join(line + end for line in lines)))
 
+    straight: set[int] = field(default_factory=set)
+    """Blocks whose arcs are written as straight lines: G1 is in force behind them."""
+
     @property
     def blocks(self) -> list[int]:
-        """All blocks with changes."""
+        """All blocks with changes of their text."""
         return sorted({*self.edits, *self.before, *self.cut})
+
+    @property
+    def special(self) -> set[int]:
+        """All blocks that are not written by their moves alone."""
+        return {*self.blocks, *self.spelled, *self.whole, *self.straight}
+
+
+class Written(NamedTuple):
+    """A written chunk; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
+
+    texts: list[str | PlainText]
+    """Texts of all blocks, edited, with the added blocks next to them; consecutive plain lines have one."""
+    starts: Array
+    """Positions on the control before each move."""
+    ends: Array
+    """Positions on the control after each move, after rounding."""
+    arcs: dict[int, Arc]
+    """Arcs by row, about the centres that the control uses."""
+    added: int
+    """Number of added blocks."""
+
+    def moves(self, motions: Motions) -> Motions:
+        """The rows with starts, ends and arcs as written."""
+        return replace(motions, start=self.starts, target=self.ends, arcs=self.arcs)
+
+
+class WrittenBlock(NamedTuple):
+    """A block that may run several times, as it was written last."""
+
+    move: bytes
+    """Its programmed move, and the corrected end."""
+    before: list[float]
+    after: list[float]
+    """Positions on the control."""
+    editor: WordEditor
+    layout: Layout
+    """Layout behind it."""
 
 
 class Editors:
@@ -65,6 +108,8 @@ class Editors:
         """What a conversion of the program changes in the chunk."""
         self._iterations: dict[int, Iterations] = {}
         """Iterations by block of the program, if blocks may run several times."""
+        self._last: dict[int, WrittenBlock] = {}
+        """Simple moves of these blocks."""
 
     def start(self, indices: Sequence[int] | None, rewrite: Rewrite | None) -> None:
         """Begin a chunk; indices: of its blocks in the program if blocks may run several times."""
@@ -97,6 +142,23 @@ class Editors:
             counts = 0.5e-3 * min(self.tolerance_um, MOST_APART_UM) / unit * 10.0**decimals
             self._iterations[self._indices[block]] = Iterations(self.layout, counts)
         return self._iterations[self._indices[block]]
+
+    def again(self, block: int, move: bytes, held: list[float]) -> list[float] | None:
+        """The position after a block of the chunk that moves as before; None for another move.
+
+        move: as of `WrittenBlock`. held: position on the control before it.
+        """
+        found = self._last.get(self._indices[block]) if self._indices is not None else None
+        if found is None or found.move != move or found.before != held:
+            return None
+        self._editors[block], self.layout = found.editor, found.layout
+        return list(found.after)
+
+    def keep(self, block: int, move: bytes, before: list[float], after: list[float]) -> None:
+        """Keep a block of the chunk with one simple move, for `again`."""
+        if self._indices is not None:
+            written = WrittenBlock(move, list(before), list(after), self._editors[block], self.layout)
+            self._last[self._indices[block]] = written
 
     def texts(self, motions: Motions, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
         """The texts of all blocks; `plain`: those of consecutive plain lines, by the index of the first."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -13,20 +13,24 @@ from msgspec.structs import replace
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array, read_only
 from postproc.motion.arcs import CENTRES
-from postproc.motion.motions import Motions
+from postproc.motion.motions import BY_ROW, Motions
 from postproc.motion.moves import Arc, Kind
 from postproc.text.blocks import PlainRun
 from postproc.text.editing import Layout, end_of, rank_of
 from postproc.text.number_style import NumberStyle
-from postproc.text.plain_lines import NumberMarks
+from postproc.text.plain_lines import LARGEST, NumberMarks
 from postproc.text.plain_numbers import POWERS
 from postproc.text.source import ENCODING
 from postproc.write.arcs import NominalArc
 from postproc.write.plain_arcs import RADIUS, PlainArcs
-from postproc.write.plain_texts import PlainWords, joined
+from postproc.write.plain_texts import FEED, PlainWords, joined
 
 NEAR_HALF = 1e-6
 """Distance from a half, in units of the last decimal, within which a number is rounded by its exact digits."""
+
+
+SMALLEST_FEED = 1e-3
+"""Number of F, at least: that of a smaller one has more decimals than the columns hold."""
 
 
 class WrittenAxis(NamedTuple):
@@ -65,6 +69,8 @@ class PlainRows(msgspec.Struct, dict=True):
     """Lines `(lines,)` whose linear axes keep their positions; they name none."""
     arcs: Mapping[int, NominalArc]
     """Arcs by line."""
+    feeds: Callable[[Array, Array], tuple[Array, np.ndarray]] | None = None
+    """F of the lines `(lines,)` and its decimals, for their written starts and ends; nan where F stays."""
 
     def write(self, axes: Sequence[WrittenAxis], held: list[float], layout: Layout) -> WrittenRows | None:
         """Write the lines before the first arc that has to be written by itself; None if there are none.
@@ -86,12 +92,32 @@ class PlainRows(msgspec.Struct, dict=True):
             circles, lines = PlainArcs.of(self.arcs, self.corrected, starts, ends)
             arcs, last = self._write_arcs(circles, axes, layouts, found)
             lines = lines if last is None else last
+        if self.feeds is not None:
+            feed_words, last = self._feeds(*self.feeds(np.concatenate([[held], ends[:-1]]), ends), layouts)
+            found += feed_words
+            lines = min(lines, last)
         if not lines:
             return None
         words = joined(found)
         if lines < len(ends):
             words = words.take(words.line < self.run.first + lines)
         return WrittenRows(words, ends[:lines], arcs, layouts.after(lines))
+
+    def _feeds(self, feeds: Array, decimals: np.ndarray, layouts: _Layouts) -> tuple[list[PlainWords], int]:
+        """F words with these numbers `(lines,)`, and the first line whose number has to be written by itself."""
+        column = len(self.run.lines.addresses)
+        set_here = np.isfinite(feeds)
+        unusual = set_here & ((feeds < SMALLEST_FEED) | (feeds >= LARGEST))
+        named = self.run.with_feeds.end[column] > 0
+        found = []
+        for added in (False, True):
+            rows = np.flatnonzero(set_here & (named != added) & ~unusual)
+            counts, _ = _rounded(feeds[rows], decimals[rows])
+            letter, columns = np.full(len(rows), added * FEED), np.full(len(rows), column + added)
+            styles = layouts.of_feeds(rows)
+            first = rows + self.run.first
+            found.append(PlainWords(first, columns, counts, decimals[rows], letter, np.full(len(rows), added), *styles))
+        return found, int(unusual.argmax()) if unusual.any() else len(feeds)
 
     def _write_arcs(
         self, circles: PlainArcs, axes: Sequence[WrittenAxis], layouts: _Layouts, found: list[PlainWords]
@@ -205,14 +231,25 @@ class PlainRows(msgspec.Struct, dict=True):
         return PlainWords(rows + self.run.first, beside, numbers, decimals, letter, behind, *styles)
 
 
-def plain_stretches(motions: Motions, arcs: Iterable[int]) -> dict[int, PlainRun]:
+def simple_moves(motions: Motions) -> NDArrayBool:
+    """True `(n,)` for straight moves that are alone in their blocks, and that nothing but their positions decides."""
+    again = motions.block[1:] == motions.block[:-1]
+    single = np.isin(motions.kind, (Kind.RAPID, Kind.LINE)) & ~motions.timed & ~motions.incremental
+    single &= ~np.append(False, again) & ~np.append(again, False)
+    single[[row for name in BY_ROW for row in getattr(motions, name)]] = False
+    return np.asarray(single & ~np.isin(motions.block, list(motions.polar_ends)))
+
+
+def plain_stretches(motions: Motions, arcs: Iterable[int], rewritten: Iterable[int] = ()) -> dict[int, PlainRun]:
     """Runs of plain lines that are written together, by their first rows: each line has one row, and no added block.
 
-    arcs: rows of arcs that can be written together.
+    arcs: rows of arcs that can be written together. rewritten: indices of blocks that get further changes.
     """
     again = motions.block[1:] == motions.block[:-1]
     single = np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
-    single[list(arcs)], single[list(motions.paced)] = True, False
+    single[list(arcs)] = True
+    single[[row for row, paced in motions.paced.items() if paced.mode or paced.restored]] = False
+    single &= ~np.isin(motions.block, list(rewritten))
     single &= ~np.append(False, again) & ~np.append(again, False)
     linear = list(motions.machine.translators)
     found = {}
@@ -279,6 +316,12 @@ class _Layouts:
             mark = "," if self._comma[last] else "."
             numbers = NumberStyle(bool(self._plus[last]), mark, bool(self._leading_zero[last]))
         return replace(self._before, blank=bool(self._blank[last]), numbers=numbers, end=end)
+
+    def of_feeds(self, line: np.ndarray) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool, NDArrayBool]:
+        """The same for F words in lines `(k,)`, which have no plus."""
+        none = np.zeros(len(line), bool)
+        zero, comma = (~none, none) if self._usual else (self._leading_zero[line], self._comma[line])
+        return none, zero, self._blank[line], comma
 
     def of(self, axis: np.ndarray, line: np.ndarray) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool, NDArrayBool]:
         """Styles of words like those of axes in lines `(k,)`: plus, zero, blank and comma of `PlainWords`."""

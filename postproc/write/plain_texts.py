@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -12,6 +13,9 @@ from kinematics.transforms import Array
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.plain_lines import PlainLines
 from postproc.text.plain_numbers import POWERS
+
+FEED = ord("F")
+"""Letter of an added feed, which takes neither case nor blanks of the word before it."""
 
 
 class PlainText(NamedTuple):
@@ -38,7 +42,7 @@ class PlainWords(NamedTuple):
     line: np.ndarray
     """Index of the line in its piece of the program."""
     axis: np.ndarray
-    """Column of the axis, or of the word next to an added one."""
+    """Column of the axis, or of the word next to an added one, as of `PlainLines.with_feeds`."""
     counts: Array
     """The number in units of its last decimal."""
     decimals: np.ndarray
@@ -67,6 +71,16 @@ def joined(words: Iterable[PlainWords]) -> PlainWords:
     return PlainWords(*map(np.concatenate, columns))
 
 
+def texts_of_runs(written: Iterable[tuple[int, PlainRun, PlainWords]]) -> dict[int, PlainText]:
+    """The texts of runs of plain lines with these words, by the indices of their first blocks, which are given."""
+    texts: dict[int, PlainText] = {}
+    for lines, group in itertools.groupby(written, lambda item: item[1].lines):
+        in_text = sorted(group, key=lambda item: item[1].first)  # calls run them in another order
+        indices, runs, words = zip(*in_text, strict=True)
+        texts |= zip(indices, plain_texts(lines, runs, joined(words)), strict=True)
+    return texts
+
+
 def plain_texts(lines: PlainLines, runs: Sequence[PlainRun], words: PlainWords) -> list[PlainText]:
     """The texts of runs of a piece, in their order, with these words."""
     bounds = lines.starts[np.array([(run.first, run.last) for run in runs])].astype(int)
@@ -75,17 +89,22 @@ def plain_texts(lines: PlainLines, runs: Sequence[PlainRun], words: PlainWords) 
         return [PlainText(run.data(0, len(run)), len(run), 0) for run in runs]
     changed = np.zeros(len(lines), bool)
     changed[words.line] = True
-    columns, source = lines.columns, np.frombuffer(lines.data, np.uint8)[low:high].copy()
+    further = int(words.axis.max()) >= len(lines.addresses)
+    columns, source = (
+        lines.with_feeds if further else lines.columns,
+        np.frombuffer(lines.data, np.uint8)[low:high].copy(),
+    )
     cell = words.axis, words.line
     start, end = (column[cell] - low for column in (columns.start, columns.end))
     longer = ~_put_in_place(source, words, start, end)
     words, start, end = words.take(longer), start[longer], end[longer]
     address = columns.at[words.axis, words.line] - low
-    added, gap = words.letter > 0, start > address + 1
+    added, like = words.letter > 0, words.letter != FEED
+    gap, lower = like & (start > address + 1), like & ((source[address] & 0x20) > 0)
     start = np.where(added, np.where(words.behind, end, address), start)
     end = np.where(added, start, end)
     order = np.argsort(start, kind="stable")
-    text, lengths = _written(words, gap, (source[address] & 0x20) > 0, order)
+    text, lengths = _written(words, gap, lower, order)
     start, end = start[order], end[order]
     kept, tail = start - np.concatenate([[0], end[:-1]]), len(source) - int(end[-1] if len(end) else 0)
     alternating = np.arange(2 * len(end) + 1) % 2 == 0

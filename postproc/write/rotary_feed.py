@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from kinematics.transforms import Array
 from postproc.motion.circles import SAME
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Kind
+from postproc.motion.moves import Kind, Paced
 from postproc.text.editing import WordEditor
 from postproc.text.number_style import NumberStyle, decimals_holding
 from postproc.write.added_blocks import AddedBlock, feed_index
@@ -66,24 +69,51 @@ def restored_feed(motions: Motions, row: int, numbers: NumberStyle, comment: str
 def _feed_of(motions: Motions, row: int, moved: float) -> float | None:
     """F of a row in the units of its words; None if it stays."""
     paced = motions.paced[row]
-    same_block = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP)).tolist()
-    rows = [other for other in same_block if motions.paced.get(other) is paced]
+    same_block = range(*np.searchsorted(motions.block, [motions.block[row], motions.block[row] + 1]))
+    rows = [row for row in same_block if motions.kind[row] != Kind.TAKE_UP and motions.paced.get(row) is paced]
     lengths = motions.path_lengths
     whole = float(lengths[rows].sum())
     minutes = paced.minutes * lengths[row] / whole if whole > SAME else paced.minutes
-    if paced.form == "inverse-time":
-        return float(1.0 / minutes)
     if paced.form == "combined":
         return None
-    if paced.form == "programmed":
-        return paced.feed
-    way = (motions.target - motions.start)[row]
-    angle = float(np.linalg.norm(way[motions.machine.rotary]))
-    if paced.form == "all-axes":
-        return float(np.hypot(moved / motions.unit[row], angle) / minutes)
-    if moved <= SAME and not paced.restored:
-        return float(max(angle, SAME) / minutes)
-    return float(moved / motions.unit[row] / minutes) if moved > SAME else paced.feed
+    if paced.form == "inverse-time":
+        return float(1.0 / minutes)
+    return float(_feeds(motions, np.array([row]), [paced], np.array([minutes]), np.array([moved]))[0])
+
+
+def feeds_of_moves(motions: Motions, first: int, starts: Array, ends: Array) -> tuple[Array, np.ndarray]:
+    """F of moves that are not divided, `(k,)` from row `first` on, and its decimals; nan where it stays.
+
+    starts, ends `(k, axes)`: as they are written, mm and degrees.
+    """
+    moved = np.linalg.norm((ends - starts)[:, list(motions.machine.translators)], axis=1)
+    found, decimals = np.full(len(moved), np.nan), np.zeros(len(moved), int)
+    rows = np.array([row for row in range(first, first + len(moved)) if row in motions.paced], int)
+    if not len(rows):
+        return found, decimals
+    paced, lengths = [motions.paced[row] for row in rows.tolist()], motions.path_lengths[rows]
+    times = np.array([each.minutes for each in paced])
+    divided = times * lengths / np.where(lengths > SAME, lengths, 1.0)  # as of `_feed_of`, to the last digit
+    minutes = np.where(lengths > SAME, divided, times)
+    found[rows - first] = values = _feeds(motions, rows, paced, minutes, moved[rows - first])
+    with np.errstate(divide="ignore"):
+        decimals[rows - first] = np.maximum(1, DIGITS - 1 - np.floor(np.log10(values)))
+    for row, each in zip(rows.tolist(), paced, strict=True):
+        if each.form == "programmed":
+            decimals[row - first] = decimals_holding(each.feed)
+    return found, decimals
+
+
+@np.errstate(divide="ignore")  # the time of a move that keeps its F is 0
+def _feeds(motions: Motions, rows: np.ndarray, paced: Sequence[Paced], minutes: Array, moved: Array) -> Array:
+    """F `(k,)` of rows that take these times, in the units of their words; moved `(k,)`: lengths of paths, mm."""
+    form, feed = np.array([each.form for each in paced]), np.array([each.feed for each in paced])
+    angle = np.linalg.norm((motions.target - motions.start)[rows][:, motions.machine.rotary], axis=1)
+    path = moved / motions.unit[rows]
+    still = np.where([each.restored for each in paced], feed, np.maximum(angle, SAME) / minutes)
+    linear = np.where(moved > SAME, path / minutes, still)
+    timed, every, kept = form == "inverse-time", form == "all-axes", form == "programmed"
+    return np.select([timed, every, kept], [1.0 / minutes, np.hypot(path, angle) / minutes, feed], linear)
 
 
 def _digits(value: float, numbers: NumberStyle, decimals: int | None = None) -> str:

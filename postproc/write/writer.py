@@ -5,11 +5,9 @@ The writer keeps the positions on the control after rounding, so that increments
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -35,35 +33,16 @@ from postproc.write.added_blocks import (
 )
 from postproc.write.arcs import ABOUT_POLES, CircleWriter, NominalArc
 from postproc.write.decimals import decimals_of_axis
-from postproc.write.drilling import Depth, HoleWriter, WordScale
-from postproc.write.editors import Editors, Rewrite
+from postproc.write.drilling import Depth, HoleWriter, WordScale, apart, write_hole
+from postproc.write.editors import Editors, Rewrite, Written
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
 from postproc.write.plain_arcs import writable_arcs
-from postproc.write.plain_rows import PlainRows, WrittenAxis, WrittenRows, plain_stretches
-from postproc.write.plain_texts import PlainText, PlainWords, joined, plain_texts
+from postproc.write.plain_rows import PlainRows, WrittenAxis, WrittenRows, plain_stretches, simple_moves
+from postproc.write.plain_texts import PlainWords, texts_of_runs
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
-from postproc.write.rotary_feed import restored_feed, takes_up_in_time, write_feed, write_feed_mode
+from postproc.write.rotary_feed import feeds_of_moves, restored_feed, takes_up_in_time, write_feed, write_feed_mode
 from postproc.write.row_words import RowWords, corrected_end, kept_axes
-
-
-class Written(NamedTuple):
-    """A written chunk; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
-
-    texts: list[str | PlainText]
-    """Texts of all blocks, edited, with the added blocks next to them; consecutive plain lines have one."""
-    starts: Array
-    """Positions on the control before each move."""
-    ends: Array
-    """Positions on the control after each move, after rounding."""
-    arcs: dict[int, Arc]
-    """Arcs by row, about the centres that the control uses."""
-    added: int
-    """Number of added blocks."""
-
-    def moves(self, motions: Motions) -> Motions:
-        """The rows with starts, ends and arcs as written."""
-        return replace(motions, start=self.starts, target=self.ends, arcs=self.arcs)
 
 
 class Writer:
@@ -94,7 +73,7 @@ class Writer:
         self._begun: set[int] = set()
         """Blocks of the chunk whose own move has been written."""
         self._straight = False
-        """True if the last written move is a backlash take-up: its G1 ends a G2 or G3 that was in force."""
+        """True if the last written move is a take-up, or a line in place of an arc: its G1 ends a G2 or G3 in force."""
         self._arcs: dict[int, Arc] = {}
         self._added = 0
         self._polar = PolarWriter()
@@ -118,17 +97,17 @@ class Writer:
         self._converts = rewrite is not None
         self._begun, self._arcs, self._at_end, self._added = set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
-        rotary_only = motions.rotary_only
-        assumed = motions.known_start == Known.ASSUMED
+        elsewhere = (motions.known_start == Known.ASSUMED) | motions.left_elsewhere
         self._programmed, self._ours, self._inner = motions.correctable, motions.added, motions.intermediate
-        together = not self._turns and indices is None and not self._converts
-        plain_arcs = writable_arcs(motions, correction.middle_shift) if together else {}
-        stretches = plain_stretches(motions, plain_arcs) if together else {}
+        together = not self._turns and indices is None
+        plain_arcs = writable_arcs(motions, correction.middle_shift) if together and not self._converts else {}
+        stretches = plain_stretches(motions, plain_arcs, self._editors.rewrite.special) if together else {}
+        simple = simple_moves(motions) if indices is not None and not self._converts else np.zeros(len(motions), bool)
         plain: list[tuple[int, PlainRun, PlainWords]] = []
         behind = 0
         while (row := behind) < len(motions):
             behind = row + 1
-            held = self._before(motions, row, assumed[row].tolist())
+            held = self._before(motions, row, elsewhere[row].tolist())
             starts[row] = held
             if row in stretches:
                 run = stretches[row]
@@ -144,25 +123,38 @@ class Writer:
                     plain.append((int(motions.block[row]), run.part(0, lines), written.words))
                     continue
             shift = ends[row - 1] - motions.target[row - 1]
-            self._write_move(motions, correction, row, held, shift, rotary_only=bool(rotary_only[row]))
+            self._write_move(motions, correction, row, held, shift, simple=bool(simple[row]))
             ends[row] = self._held = held
             if row in motions.cycles:
                 ends[row, motions.cycles[row].axis] = self._bottom
-        texts = list(self._editors.texts(motions, _plain_texts(plain)))
+        texts = list(self._editors.texts(motions, texts_of_runs(plain)))
         return Written(texts, starts, ends, self._arcs, self._added)
 
     def _write_move(
-        self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array, *, rotary_only: bool
+        self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array, *, simple: bool
     ) -> None:
-        """Write one move; `held` becomes the position after it. shift `(axes,)`: that of the end of the row before."""
+        """Write one move; `held` becomes the position after it. shift `(axes,)`: that of the end of the row before.
+
+        simple: the block may run several times, and its text then follows from its move alone.
+        """
         if motions.kind[row] == Kind.MACHINE:
             self._go_to_machine_position(motions, row, held)
         elif motions.kind[row] == Kind.PRESET:
             self._preset(motions, row, held)
         elif motions.kind[row] == Kind.PATTERN:
             self._follow(motions, correction, row, held, shift)
+        elif not simple:
+            self._write_row(motions, correction, row, held, bool(motions.rotary_only[row]))
         else:
-            self._write_row(motions, correction, row, held, rotary_only)
+            block, before = int(motions.block[row]), list(held)
+            columns = correction.target, motions.start, motions.target, self._programmed
+            move = b"".join(column[row].tobytes() for column in columns)
+            after = self._editors.again(block, move, before)
+            if after is None:
+                self._write_row(motions, correction, row, held, bool(motions.rotary_only[row]))
+                self._editors.keep(block, move, before, held)
+            else:
+                held[:], self._straight = after, False
 
     def _write_plain(
         self,
@@ -179,8 +171,10 @@ class Writer:
         """
         if self._straight and row in arcs:
             return None
+        names, columns, rotary = self.machine.names, self._by_letter, self._turned_by_vector
+        if self._converts and np.abs(np.subtract(held, motions.start[row])[rotary]).max(initial=0.0) > SAME:
+            return None
         unit, rows = float(motions.unit[row]), slice(row, row + len(run))
-        names, columns = self.machine.names, self._by_letter
         axes = [WrittenAxis(axis, names[axis], decimals_of_axis(self.machine, axis, unit), unit) for axis in columns]
         moves = PlainRows(
             run,
@@ -189,6 +183,7 @@ class Writer:
             motions.correctable[rows],
             motions.rotary_only[rows],
             {line: arcs[row + line] for line in range(len(run)) if row + line in arcs} if arcs else {},
+            partial(feeds_of_moves, motions, row) if motions.paced else None,
         )
         written = moves.write(axes, held, self._editors.layout)
         if written is not None:
@@ -196,10 +191,10 @@ class Writer:
             self._arcs.update((row + line, arc) for line, arc in written.arcs.items())
         return written
 
-    def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
+    def _before(self, motions: Motions, row: int, elsewhere: list[bool]) -> list[float]:
         """Programmed position on the control before the row, in the frame of the row.
 
-        It is the written position; for axes with an assumed position, the start of the row.
+        It is the written position; for axes that are `elsewhere`, the start of the row.
         """
         frame = motions.frames[motions.frame[row]]
         start: list[float] = motions.start[row].tolist()
@@ -208,7 +203,7 @@ class Writer:
             q = to_machine(self.machine, self._frame, np.array([held]))
             held = to_program(self.machine, frame, q)[0].tolist()
         self._frame = frame
-        return [s if not_programmed else h for h, s, not_programmed in zip(held, start, assumed, strict=True)]
+        return [s if other else h for h, s, other in zip(held, start, elsewhere, strict=True)]
 
     def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
         """A move in machine coordinates: named axes move to its coordinates, all others keep their positions."""
@@ -226,16 +221,15 @@ class Writer:
             held[axis] = editor.set(index, held[axis] / unit, decimals) * unit
 
     def _follow(self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array) -> None:
-        """A hole of a pattern gets the `shift` `(axes,)` of the first one; Refusal if its own correction differs."""
-        own = (correction.target - motions.target)[row]
-        named = [axis for axis in cartesian(self.machine)[:2] if self._programmed[row, axis]]
-        apart = max((abs(float(own[axis] - shift[axis])) for axis in named), default=0.0) * 1e3
-        if apart > self.tolerance_um:
-            raise motions.blocks[motions.block[row]].refuse(
-                f"the holes of this pattern need corrections that differ by {apart:.1f} um, more than --tolerance-um, "
-                "and the pattern has one position only: program the holes one by one"
-            )
-        for axis in cartesian(self.machine)[:2]:
+        """A hole of a pattern gets the `shift` `(axes,)` of the first one, or its own where these differ."""
+        editor = self._editors.of(motions, int(motions.block[row]))
+        plane = [
+            (axis, decimals_of_axis(self.machine, axis, motions.unit[row])) for axis in cartesian(self.machine)[:2]
+        ]
+        if 1e3 * apart(motions, correction, row, self._programmed[row]) > self.tolerance_um:
+            write_hole(motions, correction, row, editor, held, plane)
+            return
+        for axis, _ in plane:
             held[axis] = float(motions.target[row, axis] + shift[axis])
 
     def _write_row(
@@ -251,8 +245,9 @@ class Writer:
         self._editors.layout = self._editors.layout.after(motions.blocks[block])
         again = block in self._begun and row in motions.cycles
         editor = self._editors.new(motions, block) if again else self._editors.of(motions, block)
-        if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
-            editor.insert_motion_code("G3" if motions.arcs[row].sense > 0 else "G2")
+        arc, straight = motions.arcs.get(row), block in self._editors.rewrite.straight
+        if (straight or (self._straight and arc)) and lacks_motion(motions.blocks[block]):
+            editor.insert_motion_code("G1" if arc is None else "G3" if arc.sense > 0 else "G2")
         if row in motions.paced:
             write_feed_mode(motions, row, editor)
         self._write_words(motions, correction, row, held, rotary_only, editor)
@@ -272,7 +267,7 @@ class Writer:
             if motions.timed[row] and row not in motions.paced:
                 write_inverse_time(motions, row, editor)
         self._begun.add(block)
-        self._straight = False
+        self._straight = straight
 
     def _write_words(
         self,
@@ -359,7 +354,8 @@ class Writer:
         block = motions.blocks[motions.block[row]]
         iterations = self._editors.iterations_of(motions, int(motions.block[row]))
         layout = self._editors.layout_of(motions, int(motions.block[row])).after(block)
-        number = int(np.count_nonzero(motions.added[:row] & (motions.block[:row] == motions.block[row])))
+        first = int(np.searchsorted(motions.block, motions.block[row]))
+        number = int(np.count_nonzero(motions.added[first:row]))
         sense, rapid = 0 if arc is None else arc.sense, motions.kind[row] == Kind.RAPID
         return AddedBlock(block, layout, tag, sense, rapid=rapid, iterations=iterations, number=number)
 
@@ -388,13 +384,4 @@ class Writer:
             lines += restored_feed(motions, row, added.layout.numbers, self.comment)
         (editor.lines_after if begun else editor.lines_before)(lines)
         self._added += len(lines)
-        self._straight = added.tag is Tag.TAKE_UP
-
-
-def _plain_texts(written: Iterable[tuple[int, PlainRun, PlainWords]]) -> dict[int, PlainText]:
-    """The texts of runs of plain lines, by the indices of their first blocks."""
-    texts: dict[int, PlainText] = {}
-    for lines, group in itertools.groupby(written, lambda item: item[1].lines):
-        indices, runs, words = zip(*group, strict=True)
-        texts |= zip(indices, plain_texts(lines, runs, joined(words)), strict=True)
-    return texts
+        self._straight = added.tag is Tag.TAKE_UP or block in self._editors.rewrite.straight

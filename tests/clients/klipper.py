@@ -32,7 +32,22 @@ def split(
     mesh: the entries of its section; rows: its heights, mm; settings: of the splitting. Fails with Klipper's message.
     """
     asked = {"mesh": dict(mesh), "rows": rows, "settings": dict(settings), "moves": moves, "places": places}
+    return list(_answer(asked))
+
+
+def corrected(
+    profiles: str, settings: Mapping[str, float], positions: Sequence[Sequence[float]]
+) -> list[list[list[float]]]:
+    """Ends `(x, y, z)` of the parts of each move from one position to the next, with the profiles of a configuration.
+
+    The moves go through skew_correction and bed_mesh, as they do in Klipper; settings: of the splitting.
+    """
+    return list(_answer({"profiles": profiles, "settings": dict(settings), "positions": positions}))
+
+
+def _answer(asked: Mapping[str, Any]) -> Any:
+    """Klipper's answer to a request."""
     command = [str(PYTHON), str(SCRIPT)]
     done = subprocess.run(command, check=False, input=json.dumps(asked), capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    return list(json.loads(done.stdout))
+    return json.loads(done.stdout)

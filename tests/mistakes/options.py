@@ -64,7 +64,7 @@ MISTAKES = (
     option("basis misspelled", "fit data.csv --machine gantry --basis legend:5 -o new.json", "basis 'legend:5'", "is none of", "legendre:N"),
     option("tool length in inches", f"{HEAD} --tool-length T1=4in -o out.nc", "--tool-length T1=4in", "'4in' is no number", "write mm, without the unit: 101.6"),
     Mistake("spreadsheet as a tool table", f"{HEAD} --tool-table a.xls -o out.nc", "tool table a.xls", "a binary file", "export it as text", (("a.xls", b"\xd0\xcf\x11\xe0" + bytes(100)),)),
-    Mistake("log with semicolons", f"{TAIL} --log log.csv", "log log.csv:1", "expected one column time_s", "separate cells by ','", (("log.csv", "time_s;temp_air\n0;20\n"),)),
+    Mistake("log with names of its own", f"{TAIL} --log log.csv", "log log.csv:1", "expected one column time_s", "give a column map", (("log.csv", "Datum;Temperatur\n0;20\n"),)),
     Mistake("study in an old encoding", "study s.toml -o results.csv", "study s.toml", "not UTF-8 text", "save it as UTF-8", (("s.toml", 'machine = "gantry" # Prüfung\n'.encode("latin-1")),)),
     option("folder in place of the machine file", "in.nc --machine empty -o out.nc", "machine", "empty", "path of a .toml file"),
     option("uncertainty without its unit", "simulate --machine gantry --strategy grid --points 60 -u u_range=0.5 -o d.csv", "--uncertainty u_range=0.5", "laser-tracker has", "u_range_um"),

@@ -119,6 +119,12 @@ def calibration(um: float) -> Maker:
     return write
 
 
+def scales(path: Path, _: str) -> None:
+    """Writes a calibration with the scales of a router."""
+    router = machines.load(str(path.with_name("router.toml")))
+    write_model(model_of(router, Scale("X", 90.0), Scale("Y", -45.0)), path)
+
+
 def crooked(machine: Machine) -> ErrorModel:
     """A machine with errors that every measurement shows: scales and squareness of hundreds of um and urad."""
     effects: list[Effect] = [Scale(name, 300.0) for name in "XYZ"]
@@ -201,9 +207,23 @@ FILES: dict[str, Maker] = {
     "job.toml": text('machine = "dmu50"\n[programs]\n"posted/part.nc" = "corrected/job.nc"\n'),
     "posted": programs,
     "mill.toml": shown("machines.md", "chain ="),
+    "centre.toml": shown("measurements/ranging.md", "chain ="),
     "router.toml": shown("measurements/lengths.md", "chain ="),
     "holes.csv": shown("measurements/lengths.md", "AC,0,0"),
     "square.csv": shown("measurements/lengths.md", "u_square_urad: 50"),
+    "router.json": scales,
+    "my_router.toml": shown("router.md", "chain ="),
+    "marks.nc": shown("router.md", "G1 Z-0.3 F200"),
+    "sign.nc": shown("router.md", "M3 S10000"),
+    "from_cam": lambda path, _: (path.mkdir(), shown("router.md", "M3 S10000")(path / "sign.nc", "")),
+    "details.toml": shown("certificate.md", "identifier ="),
+    "list.csv": shown("measurements/lists.md", "target_mm,reading_mm"),
+    "errors.csv": shown("measurements/lists.md", "E_XX,X"),
+    "touches.csv": shown("drift.md", "temp_spindle,temp_air"),
+    "rail.csv": shown("measurements/log.md", "time,axis,run"),
+    "air.csv": shown("measurements/log.md", "temp_air;temp_bed"),
+    "logger.csv": shown("measurements/log.md", "Serial 4711"),
+    "logger.toml": shown("measurements/log.md", "skip_lines = 1"),
     "turntable.toml": text(TURNTABLE),
     "robot.toml": lambda path, _: path.write_text(robot.toml()),
     "examples": examples,

@@ -44,6 +44,7 @@ from kinematics.effects import (
     Racking,
     RamSag,
     RangeDrift,
+    RangeJump,
     RangeOffset,
     Reversal,
     ReversalSpike,
@@ -53,12 +54,14 @@ from kinematics.effects import (
     StationShift,
     TargetOffset,
     ThermalDrift,
+    ToolShift,
     TrackerDrift,
     UnknownApproach,
     Unnamed,
     Wobble,
     WorkpieceDrift,
     WorkpieceDriftWithSensor,
+    WorkpieceSurface,
 )
 from kinematics.error_model.model import no_errors
 from kinematics.machine import Machine
@@ -118,6 +121,7 @@ EXAMPLES = [
     Example(LocationError("Z", "Z", 6.0), "E_Z0Z", "um", "value_um", "E_ZZ"),
     Example(LocationError("X", "C", 6.0), "E_X0C", "um", "value_um", "E_XC"),
     Example(LocationError("A", "B", 6.0), "E_A0B", "urad", "value_urad", "E_AB"),
+    Example(ToolShift("Z", -12.0, u=(0.5,)), "tool-shift Z", "um", "value_um", "tool Z"),
     Example(Scale("Y", -12.0, u=(0.5,)), "scale Y", "um/m", "scale_um_per_m", "E_YY"),
     Example(Scale("U", 12.0), "scale U", "um/m", "scale_um_per_m", "E_XU", BACKWARD),
     Example(
@@ -154,6 +158,11 @@ EXAMPLES = [
         "control-table C(X,B) backward", "urad " * 6, "values_urad", "E_CC",
     ),
     Example(ControlTable("X", ("X", "Y"), ((0.0, 600.0), (0.0, 400.0)), (1.0, 2.0, -3.0, 4.0)), "control-table X(X,Y)", "um " * 4, "values_um", "E_XX", BACKWARD),
+    Example(WorkpieceSurface("Z", ("X", "Y"), ((-100.0, 300.0), (-50.0, 400.0)), (1.0, 2.0, -3.0, 4.0)), "surface Z(X,Y)", "um " * 4, "values_um", "E_ZZ"),
+    Example(
+        WorkpieceSurface("Z", ("X", "Y"), ((-100.0, 100.0, 300.0), (0.0, 400.0)), (1.0, 2.0, -3.0, 4.0, 0.5, 6.0), interpolation="cubic"),
+        "surface Z(X,Y)", "um " * 6, "values_um", "E_ZZ",
+    ),
     Example(FollowingError("Y", 1.5), "following-error Y", "ms", "lag_ms", "E_YY"),
     Example(FollowingError("C", 1.5, 12.0), "following-error C", "ms ms2", "lag_ms compliance_ms2", "E_CC"),
     Example(Settling("Z", 30.0), "settling Z", "ppm", "share_ppm", "E_ZZ"),
@@ -242,6 +251,8 @@ EXAMPLES = [
     Example(TargetOffset("t2", (30.0, -20.0, 10.0), 9000.0), "target-offset t2", "um um um", "offset_um", "tool X, tool Y, tool Z"),
     Example(StationShift("s2", (5.0, -3.0, 8.0), (2.0, 1.0, -4.0), 9000.0), "station-shift s2", SIX, "shift_um turn_urad", XYZ),
     Example(RangeDrift(7.0), "tracker-range-drift", "um/h", "rate_um_per_h", XYZ),
+    Example(RangeDrift(7.0, "s2"), "tracker-range-drift s2", "um/h", "rate_um_per_h", XYZ),
+    Example(RangeJump("s2", 7.0, 9000.0), "range-jump s2", "um", "offset_um", XYZ),
     Example(AirDrift(-1.5), "air-scale-drift", "um/m/h", "rate_um_per_m_per_h", XYZ),
     Example(ProbeLobing(2.0, -1.0), "probe-lobing", "um um", "cosine_um sine_um", "tool X, tool Y"),
     Example(MeasuringMachineScale("y", 4.0), "cmm-scale y", "um/m", "scale_um_per_m", "seen Y"),

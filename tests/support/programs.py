@@ -15,12 +15,12 @@ import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.priors import PRIORS
 from kinematics.error_model.provenance import Provenance, reference
 from kinematics.machine import Machine
 from postproc.control.setup import Setup, make_setup
 from postproc.correct.job import Job
 from postproc.correct.pipeline import Pipeline
-from postproc.correct.plausibility import HIGHEST_UM
 from postproc.correct.result import CorrectionResult
 from postproc.correct.unroll import UnrolledProgram, unrolled
 from postproc.dialects import Dialect, find_dialect
@@ -44,7 +44,7 @@ def load(name: str) -> Machine:
 
 WHOLE = {"tolerance_um": 1e3}
 """Every move stays in one piece, and no block is added."""
-AT_MOST = {"max_correction_um": HIGHEST_UM}
+AT_MOST = {"max_correction_um": PRIORS.largest_correction_um}
 """The limit of corrections without a search for the largest error of the calibration, which takes time."""
 
 

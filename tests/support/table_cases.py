@@ -9,7 +9,7 @@ from unittest import mock
 
 import numpy as np
 
-from kinematics.basis import Legendre
+from kinematics.basis import Legendre, Polynomial
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
@@ -48,6 +48,11 @@ POSITIONING = "XX YY ZZ"
 STRAIGHTNESS = "YX ZX XY ZY XZ YZ"
 ANGULAR = "AX BX CX AY BY CY AZ BZ CZ"
 SQUARENESS = [LocationError("C", "Y", 40.0), LocationError("B", "Z", -25.0), LocationError("A", "Z", 30.0)]
+SCALES = [
+    ErrorMotion(axis, axis, Polynomial((0.0, reach), 1), (5.0, size), u=(1.0, 1.0))
+    for axis, reach, size in (("X", 600.0, 30.0), ("Y", 450.0, -60.0), ("Z", 500.0, 90.0))
+]
+"""Of cframe."""
 ROUND = [Cyclic(component, "C", 360.0, (12.0, 3.0), (-7.0, 2.0)) for component in "XYZABC"]
 PLAY = [Backlash("X", 15.0), Backlash("Y", 8.0, 10.0)]
 
@@ -67,6 +72,8 @@ class Case:
     """um RMS at most, of errors of some tens."""
     exact: float = 1e-9
     """mm and rad: the difference of what is read back."""
+    degree: int = 3
+    """Of the error motions."""
     few: bool = False
     """True for tables from few positions."""
 
@@ -80,7 +87,7 @@ class Case:
 
     def model(self) -> ErrorModel:
         machine = load(self.machine)
-        return model_of(machine, *motions(machine, self.errors), *self.further)
+        return model_of(machine, *motions(machine, self.errors, degree=self.degree), *self.further)
 
     def exported(self) -> Exported:
         if self.id not in _EXPORTED:
@@ -156,6 +163,19 @@ CASES = [
     Case("mitsubishi", POSITIONING, leaves=0.8),
     Case("klipper", "ZX ZY", SQUARENESS[:2], machine="bzt_pfu", leaves=0.2),
     Case("reprap", "ZX ZY", SQUARENESS[:2], machine="bzt_pfu", leaves=0.5, exact=1e-7),
+    Case(
+        "marlin",
+        "ZX ZY",
+        SQUARENESS[:2],
+        machine="bzt_pfu",
+        settings=("x=0:1800:13", "y=0:1500:11"),
+        leaves=0.5,
+        exact=1e-6,
+    ),
+    Case("marlin", "", SQUARENESS, machine="bzt_pfu", settings=("skew=xyz",), exact=1e-7),
+    Case("grbl", "", SCALES, settings=("steps=X:250,Y:320,Z:1600",), leaves=0.1, exact=1e-4),
+    Case("linuxcnc-matrix", "", [*SQUARENESS, *SCALES], exact=1e-7),
+    Case("linuxcnc-calibxyz", f"{POSITIONING} {STRAIGHTNESS}", SQUARENESS, degree=2, leaves=0.1, exact=1e-6),
     Case("csv", f"{POSITIONING} {STRAIGHTNESS} {ANGULAR}", [*SQUARENESS, *PLAY], exact=2e-7),
     Case("csv", "XX BX", [*ROUND, LocationError("X", "C", 30.0)], machine="head_table", exact=2e-7),
 ]

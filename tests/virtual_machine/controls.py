@@ -25,6 +25,10 @@ Motors = Callable[[Array, Array], Array]
 ORDER = "XYZABCUVW"
 SIGN = {"error": -1.0, "correction": 1.0}
 """What makes a value of a file an amount that the control adds."""
+GRBL_STEPS = {"X": 250.0, "Y": 320.0, "Z": 1600.0}
+"""Steps per mm."""
+MARLIN_POINTS = (21, 16)
+"""Points of the mesh over the travels of X and Y."""
 
 
 class Addition(NamedTuple):
@@ -321,6 +325,79 @@ def reprap(folder: Path, chain: Chain, _sign: str) -> Motors:
     return _firmware(chain, {name: value / words["S"] for name, value in shears.items()}, height)
 
 
+def marlin(folder: Path, chain: Chain, _sign: str) -> Motors:
+    """Planner::skew, and z_values[I][J] of M421 on the mesh of `MARLIN_POINTS`."""
+    words: dict[str, list[dict[str, float]]] = defaultdict(list)
+    for row in (folder / "marlin.gcode").read_text().splitlines():
+        code, *values = row.split()
+        words[code].append({word[0]: float(word[1:]) for word in values})
+    assert list(words)[:2] == ["G21", "M852"]
+    (skew,) = words["M852"]
+    height = None
+    if words["M421"]:
+        grids = [np.linspace(*chain.axis(axis).travel, n) for axis, n in zip("XY", MARLIN_POINTS, strict=True)]
+        values = np.full([len(grid) for grid in grids], np.nan)
+        for point in words["M421"]:
+            values[int(point["I"]), int(point["J"])] = point["Z"]
+        height = plane(chain, "XY", grids, values)
+    xy, xz, yz = (skew.get(letter, 0.0) for letter in "IJK")
+    return _firmware(chain, {"XY": -xy, "XZ": -(xz - xy * yz), "YZ": -yz}, height)
+
+
+def grbl(folder: Path, chain: Chain, _sign: str) -> Motors:
+    """$100 to $102 steps per mm from the homed position on; the machine has `GRBL_STEPS` a mm."""
+    rows = re.findall(r"^\$(\d+)=([\d.]+)$", (folder / "grbl.txt").read_text(), re.MULTILINE)
+    steps = {"XYZ"[int(number) - 100]: float(value) for number, value in rows}
+
+    def added(axis: str) -> Callable[..., Array]:
+        i, home = chain.index(axis), chain.axis(axis).home
+        return lambda commands, _: (commands[:, i] - home) * (steps[axis] / GRBL_STEPS[axis] - 1.0)
+
+    return summed(chain, [Addition(axis, added(axis)) for axis in steps])
+
+
+def _pins(path: Path) -> dict[str, float]:
+    rows = (row.split() for row in path.read_text().splitlines())
+    return {pin.partition(".")[2]: float(value) for setp, pin, value in rows if setp == "setp"}
+
+
+def linuxcnc_matrix(folder: Path, chain: Chain, _sign: str) -> Motors:
+    """kinematicsInverse of matrixkins."""
+    pins = _pins(folder / "matrixkins.hal")
+    matrix = np.array([[pins[f"C_{i}{j}"] for j in "xyz"] for i in "xyz"])
+    return _of_three(chain, lambda axes: axes @ matrix.T)
+
+
+def linuxcnc_calibrated(folder: Path, chain: Chain, _sign: str) -> Motors:
+    """The search of calibxyzkins for the joints whose A j + B j^2 + c is the position."""
+    pins = _pins(folder / "calibxyzkins.hal")
+    a, b = (np.array([[pins[f"calib-{m}.{i}{j}"] for j in "xyz"] for i in "xyz"]) for m in "ab")
+    c = np.array([pins[f"calib-c.{i}"] for i in "xyz"])
+
+    def joints(axes: Array) -> Array:
+        found = axes.copy()
+        for _ in range(10):
+            missed = found @ a.T + found**2 @ b.T + c - axes
+            if np.linalg.norm(missed, axis=1).max() < pins["tol"]:
+                break
+            found -= np.linalg.solve(a + 2 * b * found[:, None, :], missed[:, :, None])[:, :, 0]
+        return found
+
+    return _of_three(chain, joints)
+
+
+def _of_three(chain: Chain, joints: Callable[[Array], Array]) -> Motors:
+    """A control whose X, Y and Z are a function of the three, and whose other axes pass."""
+    columns = [chain.index(axis) for axis in "XYZ"]
+
+    def motors(commands: Array, _ways: Array) -> Array:
+        moved = commands.copy()
+        moved[:, columns] = joints(commands[:, columns])
+        return moved
+
+    return motors
+
+
 @dataclass(frozen=True)
 class Motions:
     """Error motions as a control's model holds them: curves `(n,)`, mm and rad, by axis and component."""
@@ -475,6 +552,10 @@ SIMPLE: Mapping[str, Callable[[Path, Chain, str], Motors]] = {
     "isg-cross": isg_cross,
     "klipper": klipper,
     "reprap": reprap,
+    "marlin": marlin,
+    "grbl": grbl,
+    "linuxcnc-matrix": linuxcnc_matrix,
+    "linuxcnc-calibxyz": linuxcnc_calibrated,
 }
 BY_MODEL: Mapping[str, Callable[[Path, Chain, str, Array], Motors]] = {
     "isg-volumetric": isg_volumetric,

@@ -26,7 +26,9 @@ PARALLEL = 1e-6
 ROUNDING = 1e-9
 """Squares of a signal, in variances of the noise, below which it is rounding."""
 SAME = 6
-"""Decimals of a cosine beyond which causes with equal signals differ by rounding only: they are ordered by name."""
+"""Decimals of a cosine beyond which causes with equal signals differ by rounding only."""
+SAME_LOG_ODDS = 1e-4
+"""Difference of log odds below which forms are shown equally well; their products have single precision."""
 
 
 class Designed(NamedTuple):
@@ -55,9 +57,15 @@ def designed(data: Data, terms: Sequence[Term]) -> list[Designed]:
     names: dict[str, list[int]] = {}
     for number, term in enumerate(causes):
         names.setdefault(term.effects[0].name, []).append(number)
-    best = [max(numbers, key=gains.__getitem__) for numbers in names.values()]
+    best = [_best(numbers, gains) for numbers in names.values()]
     table = _Table(Candidates.of(first.with_terms([causes[own] for own in best]), dictionary), names)
     return list(table.rows())
+
+
+def _best(numbers: Sequence[int], gains: Array) -> int:
+    """The first of some forms that is shown as well as any of them, but for rounding."""
+    least = gains[list(numbers)].max() - SAME_LOG_ODDS
+    return next(number for number in numbers if gains[number] >= least)
 
 
 class _Tried(NamedTuple):

@@ -64,6 +64,7 @@ def by_direction(structure: Structure) -> dict[str, float]:
     inside = ~structure.noise.left_out
     micro = in_micro(structure, in_units(structure, structure.left))[inside]
     if measurement.axis is None:
-        return dict(zip("xyz", np.sqrt(np.mean(micro**2, axis=0)).tolist(), strict=False))
+        names = "xyz" if measurement.components > 1 else (measurement.instrument.OBSERVES,)
+        return dict(zip(names, np.sqrt(np.mean(micro**2, axis=0)).tolist(), strict=False))
     names = measurement.axis[inside]
     return {name: float(np.sqrt(np.mean(micro[names == name] ** 2))) for name in np.unique(names).tolist()}

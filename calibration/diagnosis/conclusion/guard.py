@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy import linalg
 
 from calibration.fit.cross_validation import Gains
 from calibration.gaussian_terms.structure import Structure
@@ -48,16 +49,14 @@ def held_out(structure: Structure) -> HeldOut:
     geometry, total = structure.data.geometry.width, len(structure.sizes)
     ends = np.cumsum([geometry, *(term.width for term in structure.terms)])
     everything = np.arange(total)
-    each = [np.delete(everything, np.arange(low, high)) for low, high in pairwise(ends.tolist())]
-    all_sets = [everything, np.arange(geometry), everything[:0], *each]
-    residuals = _predicted(structure, all_sets)
-    with_all, alone, nothing, *without = (rms_um(structure, residual) for residual in residuals)
-    gains = _gains(structure, residuals[2], residuals[0])
+    each = [everything[low:high] for low, high in pairwise(ends.tolist())]
+    residuals = [structure.equations.residual, *_predicted(structure, [everything[:0], everything[geometry:], *each])]
+    nothing, with_all, alone, *without = (rms_um(structure, residual) for residual in residuals)
     given = structure.data.observations.given is not None
-    return HeldOut(with_all, tuple(without), alone, nothing, gains, given)
+    return HeldOut(with_all, tuple(without), alone, nothing, gains(structure, *residuals[:2]), given)
 
 
-def _gains(structure: Structure, other: Array, own: Array) -> Gains:
+def gains(structure: Structure, other: Array, own: Array) -> Gains:
     """Squares of the residuals `(N,)` of another prediction minus those of this one, of each block."""
     observations, labels = structure.data.observations, blocks_of(structure)
     inside = labels >= 0
@@ -67,20 +66,23 @@ def _gains(structure: Structure, other: Array, own: Array) -> Gains:
     return Gains(np.asarray(um, float), np.asarray(noise, float))
 
 
-def _predicted(structure: Structure, sets: Sequence[np.ndarray]) -> list[Array]:
-    """Whitened residuals `(N,)` of all blocks, each predicted from the others with the columns of each set."""
-    equations, sizes, factor = structure.equations, structure.sizes, structure.noise.factor
-    labels = blocks_of(structure)
-    found = [equations.residual.copy() for _ in sets]
+def _predicted(structure: Structure, dropped: Sequence[np.ndarray]) -> list[Array]:
+    """Whitened residuals `(N,)` of all blocks, each predicted from the others, without some columns of the terms."""
+    equations, sizes, start = structure.equations, structure.sizes, structure.data.geometry.width
+    labels, design = blocks_of(structure), structure.whitened
+    found = [equations.residual.copy() for _ in dropped]
     for block in range(BLOCKS):
         mine = labels == block
-        own, seen = equations.design[mine], equations.residual[mine]
+        own, seen = design[mine], equations.residual[mine]
         gram = (equations.gram - own.T @ own) * sizes[:, None] * sizes
-        along = (equations.along - own.T @ seen) * sizes
-        for columns, residual in zip(sets, found, strict=True):
-            if len(columns):
-                matrix = gram[np.ix_(columns, columns)] + factor * np.eye(len(columns))
-                residual[mine] -= own[:, columns] @ (sizes[columns] * np.linalg.solve(matrix, along[columns]))
+        gram[np.diag_indices_from(gram)] += structure.noise.factor
+        right = np.column_stack([(equations.along - own.T @ seen) * sizes, np.eye(len(gram))[:, start:]])
+        solved = linalg.solve(gram, right, assume_a="pos", overwrite_a=True).T
+        mean, moves = solved[0], solved[1:]
+        for columns, residual in zip(dropped, found, strict=True):
+            moved = moves[columns - start]
+            left = mean - np.linalg.solve(moved[:, columns], mean[columns]) @ moved
+            residual[mine] -= own @ (sizes * left)
     return found
 
 

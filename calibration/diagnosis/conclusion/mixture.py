@@ -171,9 +171,7 @@ class Mixture:
     @classmethod
     def of(cls, structure: Structure) -> Mixture:
         """The posterior of a structure, its nonlinear parameters included."""
-        start = structure.data.geometry.width
-        ends = np.cumsum([start, *(term.width for term in structure.terms)]).tolist()
-        columns = {term: np.arange(*own) for term, own in zip(structure.terms, pairwise(ends), strict=True)}
+        columns = {term: structure.columns_of(number) for number, term in enumerate(structure.terms)}
         posterior = structure.over_sizes
         return cls(structure, columns, posterior.mean, posterior.covariance)._with_changes()
 
@@ -229,7 +227,7 @@ class Mixture:
         Two effects that are fixed at different positions are one, fixed at a third one.
         """
         rows = self._rows(term)
-        values, covariance = _at_zero(term.effects) + rows @ self.mean, rows @ self.covariance @ rows.T
+        values, covariance = term.values(np.zeros(term.width)) + rows @ self.mean, rows @ self.covariance @ rows.T
         first, *others = term.effects
         if others:
             k, linear = len(first.parameters), np.array(first.linear)
@@ -248,7 +246,7 @@ class Mixture:
         if term not in self.columns:
             return rows
         rows[np.ix_(linear, self.columns[term])] = term.parameters
-        values, names = _at_zero(term.effects), np.array(list(_fields(term.effects)))
+        values, names = term.values(np.zeros(term.width)), np.array(list(_fields(term.effects)))
         for change in self.changes:
             if change.term is term:
                 rows[names == change.name, change.column] = values[names == change.name]
@@ -264,7 +262,7 @@ class Mixture:
         always = np.pad(geometry.parameters, ((0, 0), (0, len(self.mean) - geometry.width)))
         parts = [always, *(self._rows(term) for term in terms)]
         matrix = np.concatenate(parts)
-        bare = [geometry.before, *(_at_zero(term.effects) for term in terms)]
+        bare = [geometry.before, *(term.values(np.zeros(term.width)) for term in terms)]
         values, covariance = np.concatenate(bare) + matrix @ self.mean, matrix @ self.covariance @ matrix.T
         ends = np.cumsum([len(part) for part in parts]).tolist()
         for term, (low, high) in zip(terms, pairwise(ends), strict=True):
@@ -291,8 +289,9 @@ class Added(NamedTuple):
         """Columns `(n, d, c)` beside a structure."""
         equations, posterior, factor = structure.equations, structure.posterior, structure.noise.factor
         white = structure.whitener.columns(columns)
-        through = equations.design.T @ white
-        moved = -posterior.covariance @ through / factor
+        through = structure.through(white)
+        sizes = posterior.sizes[:, None]
+        moved = -sizes * (posterior.root.T @ (posterior.root @ (sizes * through))) / factor
         block = (white.T @ white + through.T @ moved) / factor
         along = (white.T @ equations.residual - through.T @ posterior.mean) / factor
         return cls(block, along, moved)
@@ -313,8 +312,7 @@ def _derivatives(structure: Structure, term: Term, coefficients: Array) -> Itera
     """Name of each nonlinear parameter of a term's effects, and the change `(n, d)` by a relative change of it."""
     if term.parameters is None or all(all(effect.linear) for effect in term.effects):
         return
-    values, linear = _at_zero(term.effects), np.concatenate([effect.linear for effect in term.effects])
-    values[linear] = term.parameters @ coefficients
+    values, linear = term.values(coefficients), np.concatenate([effect.linear for effect in term.effects])
     sized = Parameters(term.effects, values, np.zeros((len(values), len(values)))).sized()
     columns = structure.data.observations.columns(sized)
     names = np.array(list(_fields(term.effects)))
@@ -335,8 +333,3 @@ def _fields(effects: Sequence[Effect]) -> Iterator[str]:
         for quantity in effect.quantities():
             value = getattr(effect, quantity.name)
             yield from [quantity.name] * (len(value) if isinstance(value, tuple) else 1)
-
-
-def _at_zero(effects: Sequence[Effect]) -> Array:
-    """The parameters `(P,)` of effects, one after the other; linear ones are zero."""
-    return np.concatenate([np.where(effect.linear, 0.0, effect.parameters) for effect in effects])

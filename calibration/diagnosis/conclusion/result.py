@@ -119,7 +119,7 @@ class Diagnosis(Accepted, Shown):
     @cached_property
     def bare(self) -> Structure:
         """The structure without terms, with the noise that was found."""
-        return self.structure.with_terms(()).with_sizes(SIZE_STEPS)
+        return self.structure.with_terms(()).with_sizes()
 
     @property
     def objection(self) -> str:  # type: ignore[override]
@@ -177,13 +177,12 @@ class Diagnosis(Accepted, Shown):
 
     def rms_of(self, some: Sequence[Judged]) -> float:
         """RMS, um per scalar, of what some terms contribute to the observations."""
-        equations, mean = self.structure.equations, self.structure.posterior.mean
-        columns = np.concatenate([np.zeros(0, int), *(self._columns(each.number) for each in some)])
-        return rms_um(self.structure, equations.design[:, columns] @ mean[columns])
+        columns = np.concatenate([np.zeros(0, int), *(self.structure.columns_of(each.number) for each in some)])
+        return rms_um(self.structure, self.structure.explained(columns))
 
     def contribution(self, each: Judged) -> Array:
         """What a term contributes to the observations `(n, d)`, mm and rad."""
-        return np.asarray(each.term.columns @ self.structure.posterior.mean[self._columns(each.number)])
+        return np.asarray(each.term.columns @ self.structure.posterior.mean[self.structure.columns_of(each.number)])
 
     @property
     def not_repeating(self) -> dict[str, float]:
@@ -334,15 +333,10 @@ class Diagnosis(Accepted, Shown):
             size_in(self.given, effect),
         )
 
-    def _columns(self, number: int) -> np.ndarray:
-        """Numbers of the columns of a term of the structure."""
-        before = self.structure.data.geometry.width + sum(t.width for t in self.structure.terms[:number])
-        return np.arange(before, before + self.structure.terms[number].width)
-
     def _share(self, each: Judged) -> float:
         """Share of the squares without any cause that follows a term; the shares of all terms and the rest are 1."""
-        columns = self._columns(each.number)
-        return self._part(self.structure.equations.design[:, columns] @ self.structure.posterior.mean[columns])
+        columns = self.structure.columns_of(each.number)
+        return self._part(self.structure.explained(columns))
 
     def _part(self, values: Array) -> float:
         """Share of the squares without any cause that follows values `(N,)`."""
@@ -367,10 +361,6 @@ class Diagnosis(Accepted, Shown):
         return [Cause("outliers", effect, np.diag(u**2), odds, "strong")]
 
 
-SIZE_STEPS = 10
-"""Steps of the sizes of the geometry without terms."""
-
-
 def answered(
     candidates: Candidates, findings: Sequence[Finding] = (), *, force: bool = False, add_unexplained: bool = False
 ) -> Diagnosis:
@@ -388,7 +378,7 @@ def _figures(structure: Structure, heldout_rms_um: float) -> Figures:
     inside = ~structure.noise.left_out
     micro = (residual * observations.measurement.per_micro)[inside]
     white = np.linalg.solve(np.linalg.cholesky(observations.specified[inside]), residual[inside][:, :, None])
-    determined = float(structure.posterior.determined(structure.sizes).sum())
+    determined = float(structure.posterior.determined.sum())
     freedom = max(structure.whitener.scalars - determined, 1.0)
     return Figures(
         float(np.sqrt(np.mean(micro**2))),

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.candidates import Candidates, by_family
+from calibration.diagnosis.candidates import COARSE, REFINED, Candidates, by_family
 from calibration.diagnosis.search import DOUBTFUL
 from calibration.diagnosis.waves import waves
 from calibration.gaussian_terms.structure import Structure
@@ -24,14 +24,8 @@ from kinematics.transforms import Array
 
 CLEAR = 5.0
 """Log odds from which something is clear: 150 to 1, strong evidence by the scale of Kass and Raftery."""
-ROUNDED = 2e-3
-"""Relative error of log odds in single precision."""
 SURE = 100.0
 """Log odds that stay clear when sizes and noise are found again: these take up to nine tenths of them."""
-STEPS = 12
-"""Steps of the sizes without a term before the noise is found."""
-REFINED = 4
-"""Most times that a rival is refined: each time its time constant or moment is found about eight times as closely."""
 RESOLVED = 1.0
 """Least difference of two waves, periods over the travel, that positions all over it resolve (Rayleigh)."""
 
@@ -62,9 +56,12 @@ class Judged:
 
     @property
     def alternatives(self) -> tuple[Rival, ...]:
-        """Rivals that are other causes: of another kind, or elsewhere."""
-        own = _cause_of(self.term)
-        return tuple(each for each in self.rivals if each.term.named and _cause_of(each.term) != own)
+        """Rivals that are other causes: of another kind, elsewhere, or, one for each, by the temperature of others."""
+        own, sensors = _cause_of(self.term), sensors_of(self.term)
+        others = [each for each in self.rivals if each.term.named and _cause_of(each.term) != own]
+        likeliest = {sensors_of(each.term): each for each in reversed(self.forms)}
+        others += [each for named, each in likeliest.items() if sensors and named and named != sensors]
+        return tuple(sorted(others, key=lambda each: each.log_odds))
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -98,19 +95,19 @@ def _judged(candidates: Candidates, number: int) -> Judged:
     """A term with the evidence for it."""
     place = _Place.of(candidates, number)
     term = candidates.structure.terms[number]
-    own = candidates.own(number)
+    own = alone = candidates.own(number)
     if term.family in place.families:
         # the members of its family may be likelier together than the one that was chosen
         own = max(own, place.of_members(term.family)[1])
     rivals = [*_of_other_families(place, term, own), *_waves(place, term, own)]
     against_none = own if own > SURE else min(own, _fitted_again(candidates.structure, number))
-    return Judged(number, term, against_none, _close(rivals), _close(_forms(place, term, own)))
+    return Judged(number, term, against_none, _close(rivals), _close(_forms(place, term, alone)))
 
 
 def _fitted_again(structure: Structure, number: int) -> float:
     """Log odds of a term against none, where sizes and noise are found again without it."""
     rest = structure.with_terms([term for i, term in enumerate(structure.terms) if i != number])
-    return structure.total - rest.fitted(STEPS).total
+    return structure.total - rest.fitted().total
 
 
 def _close(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
@@ -131,7 +128,7 @@ def _forms(place: _Place, term: Term, own: float) -> Iterator[Rival]:
     ]
     best = {terms[number].name: number for number in sorted(members, key=place.members.__getitem__)}
     for number in best.values():
-        other, odds, _ = place.refined(terms[number])
+        other, odds, _ = place.candidates.refined(terms[number], {place.number})
         yield Rival(other, own - odds)
 
 
@@ -176,28 +173,17 @@ class _Place(NamedTuple):
             return log_odds
         structure = self.candidates.structure
         terms = [rival if i == self.number else term for i, term in enumerate(structure.terms)]
-        return min(log_odds, structure.total - structure.with_terms(terms).with_sizes(STEPS).total)
+        return min(log_odds, structure.total - structure.with_terms(terms).with_sizes().total)
 
     def near(self, own: float, odds: float) -> bool:
-        """True where log odds in single precision may be those of a rival of a term with these log odds."""
-        return own - odds < CLEAR + ROUNDED * abs(own)
+        """True where a term with such log odds, once it is refined, may be a rival of one with its own log odds."""
+        return own - odds < CLEAR + COARSE * abs(own)
 
     def of_members(self, family: Hashable) -> tuple[Term, float]:
         """The likeliest member of a family, refined, and the log odds of the family."""
         together, best = self.families[family]
-        term, odds, first = self.refined(self.candidates.terms[best])
+        term, odds, first = self.candidates.refined(self.candidates.terms[best], {self.number})
         return term, max(odds, first + together - float(self.members[best]))
-
-    def refined(self, term: Term) -> tuple[Term, float, float]:
-        """The likeliest of a term and its finer members, its log odds, and those of the term."""
-        first = odds = float(self.odds([term])[0])
-        for _ in range(REFINED):
-            finer = [] if term.finer is None else list(term.finer())
-            each = self.odds(finer)
-            if not finer or each.max() <= odds:
-                break
-            term, odds = finer[int(np.argmax(each))], float(each.max())
-        return term, odds, first
 
     def at_moment(self, family: Hashable, moment: float | None) -> Iterator[tuple[Term, float]]:
         """The member of a family nearest to a moment, and its log odds; nothing where it has none with a moment."""
@@ -232,7 +218,7 @@ def _waves(place: _Place, term: Term, own: float) -> Iterator[Rival]:
         others = known.setdefault(other.family, [])
         if all(abs((high - low) * (1.0 / found - 1.0 / each)) > RESOLVED for each in others):
             others.append(found)
-            likeliest, refined, _ = place.refined(other)
+            likeliest, refined, _ = place.candidates.refined(other, {place.number})
             yield Rival(likeliest, own - refined)
 
 
@@ -241,6 +227,11 @@ def _cause_of(term: Term) -> Hashable:
     axes = {axis for effect in term.effects for axis in effect.axes}
     components = {getattr(effect, "component", None) for effect in term.effects}
     return term.kind, frozenset(axes) if len(axes) > 1 else term.where, frozenset(components)
+
+
+def sensors_of(term: Term) -> frozenset[str]:
+    """Names of the sensors whose temperatures a term follows."""
+    return frozenset(sensor for effect in term.effects for sensor in effect.sensors)
 
 
 def moment_of(term: Term) -> float | None:

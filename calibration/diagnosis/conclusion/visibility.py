@@ -107,7 +107,7 @@ def unseen_motions(structure: Structure) -> Iterator[str]:
     count = geometry.width
     expected = structure.sizes.copy()
     expected[:count] = geometry.first_sizes[geometry.bands]
-    known = Posterior.of(equations, expected, structure.noise.factor).determined(expected)[:count]
+    known = Posterior.of(equations, expected, structure.noise.factor).determined[:count]
     squares = (geometry.parameters * expected[:count]) ** 2
     seen = (squares @ known) / np.maximum(squares.sum(axis=1), np.finfo(float).tiny)
     ends = np.cumsum([0, *(len(effect.parameters) for effect in geometry.effects)])

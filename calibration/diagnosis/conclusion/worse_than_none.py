@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
-from calibration.diagnosis.conclusion.guard import BLOCKS, blocks_of, in_units, rms_um
-from calibration.fit.cross_validation import Gains
+from calibration.diagnosis.conclusion.guard import gains, rms_um
 from calibration.gaussian_terms.noise import stops_of
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Structure
@@ -34,28 +31,11 @@ def as_given(structure: Structure) -> AsGiven | None:
     if given is None:
         return None
     own, none = _residual(structure, given), _residual(structure, None)
-    gains = Gains(_by_block(structure, none) - _by_block(structure, own), _white(structure, none, own))
-    return AsGiven(rms_um(structure, own), rms_um(structure, none), gains.worse)
+    return AsGiven(rms_um(structure, own), rms_um(structure, none), gains(structure, none, own).worse)
 
 
 def _residual(structure: Structure, given: ErrorModel | None) -> Array:
     """Whitened residuals `(N,)` of a calibration alone, or of the nominal machine."""
     data = structure.data.observations
     observations = replace(Observations.of(data.measurement, given=given), specified=data.specified)
-    return Whitener.of(observations, stops_of(observations), structure.noise).residual()
-
-
-def _by_block(structure: Structure, residual: Array) -> Array:
-    """Sums of squares `(blocks,)`, um2, of whitened residuals."""
-    measurement = structure.data.observations.measurement
-    squares = np.sum((in_units(structure, residual) * measurement.per_micro) ** 2, axis=1)
-    labels = blocks_of(structure)[: len(squares) * structure.data.observations.components]
-    own = labels[:: structure.data.observations.components]
-    return np.asarray(np.bincount(own, squares, minlength=BLOCKS), float)
-
-
-def _white(structure: Structure, none: Array, own: Array) -> Array:
-    """Differences of sums of squares `(blocks,)` in variances of the noise; stated values are in no block."""
-    labels = blocks_of(structure)
-    inside = labels >= 0
-    return np.asarray(np.bincount(labels[inside], (none**2 - own**2)[inside], minlength=BLOCKS), float)
+    return Whitener.of(observations, stops_of(observations), structure.noise).residual

@@ -48,6 +48,7 @@ from kinematics.effects import (
     QuadraticGrowth,
     RamSag,
     RangeDrift,
+    RangeJump,
     RangeOffset,
     Reversal,
     ReversalSpike,
@@ -98,8 +99,8 @@ def causes(measurement: Measurement) -> Iterator[Effect]:
         yield from _loads(measurement)
         if measurement.instrument.CLOCK_OF_MACHINE:
             yield from _distortions(measurement)
-    if measurement.instrument.BY_BEAM:
-        yield from _of_tracker(measurement)
+    if measurement.instrument.READS_RANGES:
+        yield from _of_ranges(measurement)
     if measurement.instrument.OWN_TIP and any(_in_head(measurement, axis) for axis in measurement.moving):
         yield ProbeLobing(cosine_um=0.0, sine_um=0.0)
     if not measurement.instrument.CLOCK_OF_MACHINE:
@@ -127,6 +128,8 @@ def jumps(measurement: Measurement) -> Iterator[Effect]:
             return
         for station in np.unique(state.station).tolist():
             yield StationShift(station=station, since_s=start)
+            if measurement.instrument.READS_RANGES and not measurement.instrument.BY_BEAM:
+                yield RangeJump(station=station, offset_um=0.0, since_s=start)
         for name, target in measurement.targets.items():
             if target.carrier == "tool":
                 yield TargetOffset(target=name, offset_um=(0.0, 0.0, 0.0), since_s=start)
@@ -318,16 +321,22 @@ def _loads(measurement: Measurement) -> Iterator[Effect]:
                 yield RamSag(axis.name, 0.0, low, 1, other.name)
 
 
-def _of_tracker(measurement: Measurement) -> Iterator[Effect]:
-    yield RangeOffset(offset_um=0.0)
+def _of_ranges(measurement: Measurement) -> Iterator[Effect]:
+    """Errors of an instrument that reads ranges, of its angles where it reads them, and of its targets."""
+    own = measurement.instrument
+    if own.BY_BEAM:
+        yield RangeOffset(offset_um=0.0)
     yield AirScale(scale_um_per_m=0.0)
-    for circle in ("azimuth", "elevation"):
+    for circle in CIRCLES if own.BY_BEAM else ():
         for harmonic in HARMONICS:
             yield AngleHarmonic(circle=circle, harmonic=harmonic, sine_urad=0.0, cosine_urad=0.0)
     yield TrackerDrift()
     if given(measurement.state, "time"):
         yield RangeDrift(rate_um_per_h=0.0)
         yield AirDrift(rate_um_per_m_per_h=0.0)
+        stations = np.unique(measurement.groups).tolist()
+        if not own.BY_BEAM and len(stations) > 1:
+            yield from (RangeDrift(rate_um_per_h=0.0, station=station) for station in stations)
     on_tool = [name for name, target in measurement.targets.items() if target.carrier == "tool"]
     if len(on_tool) > 1:
         for name in on_tool:

@@ -11,7 +11,7 @@ import numpy as np
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
 from calibration.diagnosis.conclusion.verdict import CLEAR, Judged
-from calibration.diagnosis.next.questions import ENOUGH, Known, Question, columns_of, questions
+from calibration.diagnosis.next.questions import ENOUGH, Known, Question, questions
 from calibration.diagnosis.next.stacked_rows import StackedRows
 from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
@@ -83,8 +83,7 @@ def _contribution(structure: Structure, functions: Sequence[Judged]) -> np.ndarr
     """What functions contribute to the observations `(n, d)`, mm and rad."""
     found = np.zeros_like(structure.data.observations.residual)
     for each in functions:
-        own = columns_of(structure.terms, structure, each.number)
-        found += each.term.columns @ structure.posterior.mean[own]
+        found += each.term.columns @ structure.posterior.mean[structure.columns_of(each.number)]
     return found
 
 
@@ -135,6 +134,6 @@ def _unanswered(question: Question) -> str:
         return f"{text}. Measure the same positions again in another order."
     if question.term is not None and question.rival is not None:
         one, other = (term.effects[0] for term in (question.term, question.rival))
-        alike = (one.ACTS_ON == "instrument", one.REMEDY) == (other.ACTS_ON == "instrument", other.REMEDY)
+        alike = len({(each.ACTS_ON == "instrument", each.REMEDY, each.sensors) for each in (one, other)}) == 1
         return f"{text}: in each of them both may look alike.{' The remedy is the same for both.' if alike else ''}"
     return f"{text}. It may need {question.term.effects[0].SHOWN_BY}." if question.term is not None else f"{text}."

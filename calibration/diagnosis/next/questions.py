@@ -15,7 +15,7 @@ from scipy import linalg
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
-from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, Rival
+from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, Rival, sensors_of
 from calibration.gaussian_terms.gains import expected_gain
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
@@ -83,7 +83,7 @@ class Known:
         return self._without[numbers]
 
     def _less(self, numbers: tuple[int, ...]) -> Known:
-        left_out = [columns_of(self.structure.terms, self.structure, number) for number in numbers]
+        left_out = [self.structure.columns_of(number) for number in numbers]
         kept = np.setdiff1d(np.arange(len(self.structure.sizes)), np.concatenate([np.zeros(0, int), *left_out]))
         size = self.structure.sizes[kept]
         low = np.linalg.cholesky(self.products[np.ix_(kept, kept)] * size[:, None] * size + np.eye(len(kept)))
@@ -99,12 +99,6 @@ class Known:
     def lead(self, true: Signal, wrong: Signal) -> float:
         """Expected log odds of a true signal against a wrong one."""
         return self.gain(true, true) - self.gain(wrong, true)
-
-
-def columns_of(terms: Sequence[Term], structure: Structure, number: int) -> np.ndarray:
-    """Numbers of the columns of one of the terms, which follow the geometry of a structure."""
-    first = structure.data.geometry.width + sum(term.width for term in terms[:number])
-    return np.arange(first, first + terms[number].width)
 
 
 class Asked(NamedTuple):
@@ -152,10 +146,13 @@ class _Place(NamedTuple):
     def near(self, rival: Rival) -> Iterator[tuple[Term, float]]:
         """A rival, and the members of its family that the data with a design may prefer, with their log odds.
 
-        A rival may have another time constant, length or moment when it is fitted to more rows.
+        A rival may have another time constant, length or moment when it is fitted to more rows. One in the family of
+        the term is the same cause by another sensor, which its members keep.
         """
         yield rival.term, rival.log_odds
-        family = self.candidates.members(rival.term.family)
+        family, sensors = self.candidates.members(rival.term.family), sensors_of(rival.term)
+        if rival.term.family == self.judged.term.family:
+            family = [each for each in family if sensors_of(each) == sensors]
         members = [*family, *([] if rival.term.finer is None else rival.term.finer())]
         odds = self.candidates.own(self.judged.number) - self.candidates.exact(members, {self.judged.number})
         yield from ((term, own) for term, own in zip(members, odds.tolist(), strict=True) if own < ENOUGH)
@@ -164,14 +161,14 @@ class _Place(NamedTuple):
 def _of_term(place: _Place, rivals: list[Term]) -> Iterator[Question]:
     """Questions on a cause; rivals that they need are added to the others."""
     each, structure, sizes = place.judged, place.candidates.structure, place.sizes
-    one = Signal(columns_of(structure.terms, structure, each.number), sizes[each.term])
+    one = Signal(structure.columns_of(each.number), sizes[each.term])
     name, without = _name(each.term), (each.number,)
 
     def against(some: Iterable[tuple[Term, float]]) -> Iterator[tuple[Signal, float]]:
         for term, odds in some:
             rivals.append(term)
-            terms = (*structure.terms, *rivals)
-            yield Signal(columns_of(terms, structure, len(terms) - 1), sizes.get(term)), odds
+            together = structure.with_terms((*structure.terms, *rivals))
+            yield Signal(together.columns_of(len(together.terms) - 1), sizes.get(term)), odds
 
     if each.periods:
         periods = [rival for rival in each.rivals if rival.term.family == each.term.family]

@@ -118,9 +118,8 @@ class StackedRows:
         """Mean square of the functions without a name, in the variance of the noise: at other rows they are noise."""
         structure = self.structure
         width = structure.data.geometry.width
-        named = np.repeat([term.named for term in structure.terms], [term.width for term in structure.terms])
-        mean = np.where(np.append(np.ones(width, bool), named), 0.0, structure.posterior.mean)
-        moved = structure.equations.design @ mean
+        named = np.array([term.named for term in structure.terms for _ in range(term.width)], bool)
+        moved = structure.explained(~np.append(np.ones(width, bool), named))
         return float(np.mean(moved**2)) / structure.noise.factor
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.basis import Interval
-from kinematics.effects import COMPONENTS, Effect
+from kinematics.effects import COMPONENTS, Effect, after_touch_off
 from kinematics.effects.base import unit_of
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
@@ -67,6 +67,8 @@ def reason_left_out(effect: Effect) -> str:
     """Reason why an effect is not compared; empty if it is."""
     if effect.ACTS_ON == "instrument":
         return "an effect of the instrument"
+    if after_touch_off(effect):
+        return "has come since the touch-off, and changes with time"
     others = [need.replace("_", " ") for need in effect.needs if need != "approach"]
     others += [f"temperature {sensor}" for sensor in effect.sensors]
     return f"depends on {', '.join(dict.fromkeys(others))}" if others else ""

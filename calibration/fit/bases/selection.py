@@ -53,7 +53,6 @@ def choose(
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
     finest: int = FINEST,
-    finest_turn: float = np.inf,
     unexplained: Unexplained | None = None,
     progress: Progress = silent,
 ) -> Choice:
@@ -65,7 +64,7 @@ def choose(
     """
     if measurement.instrument.OBSERVES == "offset":
         measurement = measurement.rows(np.flatnonzero(coarse_fit(measurement, effects).kept))
-    search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest, finest_turn)
+    search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest)
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
     # few readings do not show the size of their noise
     variance: Variance = "sheet" if measurement.instrument.MAY_BE_FEW else "estimate"

@@ -16,9 +16,9 @@ Their shapes, in which errors are not linear, stay, and so do other error motion
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import count
 
 import msgspec
@@ -26,7 +26,7 @@ import numpy as np
 from scipy import linalg
 
 from calibration.fit.cross_validation import diagonals
-from calibration.fit.curves.line_shares import BESIDE_FUNCTION, OF_SPHERES, line_shares
+from calibration.fit.curves.line_shares import line_shares
 from calibration.fit.curves.smooth_process import TYPICAL_SIZE, Processes
 from calibration.fit.curves.spline_of_process import cubic, following, root_of
 from calibration.fit.fit import Fit
@@ -86,21 +86,14 @@ class BetweenPositions:
         )
 
 
-Information = Callable[[ErrorModel], tuple[Array, Array]]
-"""Information on the parameters of a model `(q, q)`, all others eliminated, and slope `(q,)` at its residuals."""
-
-
-def with_curves_between(found: Fit, information: Information | None = None) -> tuple[Fit, tuple[BetweenPositions, ...]]:
+def with_curves_between(found: Fit) -> tuple[Fit, tuple[BetweenPositions, ...]]:
     """The fit with its error motions as smooth curves, and the uncertainties of those between few positions.
 
     Of the result, only the model, with its covariance, and the priors belong to the new curves. Other error motions
     than splines stay, and those of an axis with finer ones than the curves could be. Also those of axes with many
     positions on a few diagonals: the held-out lines have decided on the sizes of the errors there, not the evidence.
-
-    information: of the model of the fit, with error motions as tables, beside a function of recorded variables, which
-    leaves some lines to their prior; None for that of its rows.
     """
-    splines = _splines(found) if found.prior.ndim == 1 else {}
+    splines = _splines(found)
     measured = {axis: _positions(found.measurement, axis, found.kept) for axis in splines}
     few = [axis for axis, x in measured.items() if 2 <= len(x) <= FEW]
     axes = {axis: measured[axis] for axis in few}
@@ -109,8 +102,7 @@ def with_curves_between(found: Fit, information: Information | None = None) -> t
     axes = {axis: x for axis, x in axes.items() if len(x)}
     if not axes:
         return found, ()
-    open_lines = information is not None or found.measurement.instrument.OBSERVES == "offset"
-    values = _Values.of(found, axes, information or partial(_information, found), open_lines=open_lines)
+    values = _Values.of(found, axes)
     processes = values.processes()
     intervals = {axis: splines[axis][0].interval for axis in axes}
     bases = {
@@ -173,11 +165,9 @@ class _Values:
     """Product `(q,)` of the derivatives with the residuals, registration eliminated."""
     prior: Array
     """Standard deviations `(q,)`; only those of the other parameters are used."""
-    open_lines: bool
-    """True where the data leave some lines of linear axes to their prior: their sizes are those of all lines."""
 
     @classmethod
-    def of(cls, found: Fit, axes: Mapping[str, Array], information_on: Information, *, open_lines: bool) -> _Values:
+    def of(cls, found: Fit, axes: Mapping[str, Array]) -> _Values:
         """The information about the result of a fit."""
         effects: list[Effect] = []
         priors: list[Array] = []
@@ -192,15 +182,15 @@ class _Values:
                 effects.append(effect)
                 priors.append(own)
         model = msgspec.structs.replace(found.model, effects=tuple(effects), covariance=None)
-        information, slope = information_on(model)
+        information, slope = _information(found, model)
         prior = np.concatenate(priors)
-        return cls(found, axes, model.effects, model.slices, information, slope, prior, open_lines)
+        return cls(found, axes, model.effects, model.slices, information, slope, prior)
 
     def processes(self) -> dict[str, Processes]:
         """The possible processes of each axis."""
         lines = {axis: self._lines(axis) for axis in self.axes}
         found = self._swept(lines)
-        if self.open_lines:
+        if self._of_spheres:
             shares = self._line_shares(found)
             found = self._swept({axis: own * shares[axis] for axis, own in lines.items()})
         return found
@@ -223,13 +213,15 @@ class _Values:
         """Size of constant and slope of each error motion: at the ends both together have that of its prior."""
         return np.asarray(self.prior[self._rows(axis)][:: len(self.axes[axis])] / 2**0.5)
 
-    def _of_spheres(self, axis: str) -> bool:
-        """True for a linear axis of which spheres leave some lines to the prior."""
-        return self.found.measurement.instrument.OBSERVES == "offset" and axis[0] not in ROTARY
+    @property
+    def _of_spheres(self) -> bool:
+        """True for spheres, which leave some lines of linear axes to their prior: these have the size of all lines."""
+        return self.found.measurement.instrument.OBSERVES == "offset"
 
     def _typical_size(self, axis: str) -> float:
         """Size of the processes of an axis that is expected, um or urad."""
-        return CURVE_SHARE * 2**0.5 * float(self._lines(axis).min()) if self._of_spheres(axis) else TYPICAL_SIZE
+        smaller = self._of_spheres and axis[0] not in ROTARY
+        return CURVE_SHARE * 2**0.5 * float(self._lines(axis).min()) if smaller else TYPICAL_SIZE
 
     def _line_shares(self, processes: Mapping[str, Processes]) -> dict[str, Array]:
         """Size of the line of each error motion, as a share of its prior; squareness and rotary axes keep theirs."""
@@ -239,8 +231,7 @@ class _Values:
         free = {
             axis: (axis[0] not in ROTARY) & (least[self._rows(axis)][:: len(x)] == 0.0) for axis, x in self.axes.items()
         }
-        shares = OF_SPHERES if self.found.measurement.instrument.OBSERVES == "offset" else BESIDE_FUNCTION
-        return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows], shares)
+        return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows])
 
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
         """The fit with the curves, given the data, in place of its error motions; bases: of the curves of each axis."""

@@ -2,8 +2,7 @@
 
 The data of spheres choose one size for all error motions of linear axes, but leave some lines to this prior, as the
 scale that all axes have in common. The lines of one class show their own size together: a common scale is about as
-large as the differences of the axes' scales. So do the lines beside an unexplained function, such as
-one of a tracker's readings, which looks like some of them.
+large as the differences of the axes' scales.
 """
 
 from __future__ import annotations
@@ -18,11 +17,8 @@ from scipy import linalg
 from calibration.fit.curves.smooth_process import Processes, log_evidence
 from kinematics.transforms import Array
 
-OF_SPHERES, BESIDE_FUNCTION = (3.0, 1.0, 0.3), (10.0, 3.0, 1.0)
-"""Sizes of lines that are tried, as shares of the prior; equally probable before the data are seen (Type B).
-
-The evidence has chosen the prior of a spline's coefficients, and a line of this size needs all of them at once: beside
-a function, lines are rather larger."""
+SHARES = (3.0, 1.0, 0.3)
+"""Sizes of lines that are tried, as shares of the prior; equally probable before the data are seen (Type B)."""
 
 
 def line_shares(
@@ -30,7 +26,6 @@ def line_shares(
     free: Mapping[str, np.ndarray],
     information: Array,
     right: Array,
-    shares: tuple[float, ...],
 ) -> dict[str, Array]:
     """Size of the line of each error motion of each axis, as a share of its prior.
 
@@ -39,7 +34,7 @@ def line_shares(
     its product with the values `(q,)`.
     """
     classes = list(dict.fromkeys(which for own in processes.values() for which in own.classes))
-    tried = np.array(list(product(shares, repeat=len(classes))))
+    tried = np.array(list(product(SHARES, repeat=len(classes))))
     odds = np.array([_evidence(processes, _by_axis(processes, free, classes, of), information, right) for of in tried])
     odds = np.exp(odds - odds.max())
     return _by_axis(processes, free, classes, np.sqrt(odds @ tried**2 / odds.sum()))

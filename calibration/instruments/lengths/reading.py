@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinematics.files.column_map import SECONDS, TEMPERATURE
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
@@ -89,7 +90,8 @@ def converted(table: Table, machine: Machine, kind: str) -> Table:
             f"{table.head} {kind}: expected the column {LENGTH_MM} (with the two positions {machine.names[0]}1, "
             f"{machine.names[0]}2, ...) or {READING} (with {AXIS}, {ALONG}, {POSITION}), found {', '.join(table.names)}"
         )
-    known = [*columns_known(machine), *machine.names]
+    clock = [name for name in table.names if name == SECONDS or name.startswith(TEMPERATURE)]
+    known = [*columns_known(machine), *machine.names, *clock]
     table.allow_columns(lambda name: name in known, known)
     cells, rows = _Cells(table), Rows(machine)
     before: dict[str, tuple[float, int]] = {}
@@ -104,7 +106,9 @@ def converted(table: Table, machine: Machine, kind: str) -> Table:
             _add_length(cells, row, rows)
         else:
             _add_reading(cells, row, rows, before)
-    return table.with_rows(rows.columns(), rows.lines)
+    of_line = np.searchsorted(table.lines, rows.lines)
+    columns = rows.columns() | {name: column[of_line].tolist() for name, column in table.cells(clock).items()}
+    return table.with_rows(columns, rows.lines)
 
 
 class _Cells:

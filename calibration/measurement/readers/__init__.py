@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from calibration.measurement.file import measurement_of
+from calibration.measurement.logged import with_log, with_seconds
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.measuring_date import MEASURED, date_in
 from calibration.measurement.readers import (
@@ -27,12 +28,15 @@ from calibration.measurement.readers import (
     protocols,
     renishaw,
     robot_tables,
+    target_readings,
     twincat_scope,
 )
-from calibration.measurement.readers.text import given_entries, old_text
+from calibration.measurement.readers.text import given_entries
 from calibration.measurement.text_table import Entry, Table, parse_table, refuse_empty
 from kinematics.files import read_input
 from kinematics.files.mistaken import kind_of_file, none_of
+from kinematics.files.temperature_log import TemperatureLog
+from kinematics.files.text_cells import old_text
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
@@ -52,14 +56,15 @@ FOREIGN: Mapping[str, Reader] = {
     "epics": Reader(epics.recognises, epics.to_table),
     "twincat-scope": Reader(twincat_scope.recognises, twincat_scope.to_table),
     "ballbar-angles": Reader(ballbar_angles.recognises, ballbar_angles.to_table),
+    "target-readings": Reader(target_readings.recognises, target_readings.to_table),
 }
 FORMATS = ("auto", "ncomp", *FOREIGN, "robot", "delimited")
 KNOWN = (
     "ncomp (measurement file, '# instrument: ...'), rtl (Renishaw), iso230-table (targets by runs, 'target_mm, 1 up, "
     "1 down, ...'), ecmc-report (Markdown, 'ISO 230-2 motion test'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics "
     "('NAME date time value'), twincat-scope (CSV, 'Starttime of export'), ballbar-angles ('angle_deg,deviation_um,"
-    "run'), robot (points 'x y z', and joints 'J1 J2 ...' in the same file or as the plan), delimited (any columns, "
-    "with a column map: --columns MAP.toml)"
+    "run'), target-readings ('target_mm,reading_mm'), robot (points 'x y z', and joints 'J1 J2 ...' in the same file "
+    "or as the plan), delimited (any columns, with a column map: --columns MAP.toml)"
 )
 HEAD = 20_000
 """Number of bytes from which a format is recognised."""
@@ -73,14 +78,15 @@ def read_any(
     header: Mapping[str, str] | None = None,
     columns: str | None = None,
     plan: Path | None = None,
+    log: TemperatureLog | None = None,
 ) -> Measurement:
     """The measurement in a file of one of FORMATS; UserError with a list of these for another format.
 
     header: keys of the measurement file that this file lacks or that replace its own. columns: name or path of the
     column map of a delimited export. plan: CSV with the positions for the names of points, or with the positions of the
-    standstills in a tracker's log.
+    standstills in a tracker's log. log: temperatures by time, joined to the rows.
     """
-    table, notes = table_in(path, machine, format, header=header, columns=columns, plan=plan)
+    table, notes = table_in(path, machine, format, header=header, columns=columns, plan=plan, log=log)
     measurement = measurement_of(table, machine)
     return replace(measurement, notes=(*notes, *measurement.notes))
 
@@ -93,6 +99,7 @@ def table_in(
     header: Mapping[str, str] | None = None,
     columns: str | None = None,
     plan: Path | None = None,
+    log: TemperatureLog | None = None,
 ) -> tuple[Table, list[str]]:
     """The table of the contract's columns from a file, and notes; arguments as in `read_any`."""
     data, given = read_input(path, "measurement file"), dict(header or {})
@@ -103,7 +110,11 @@ def table_in(
         format = "delimited"
     elif format == "auto":
         format = _recognised(data, path)
-    return _table(data, path, machine, format, given, columns, plan)
+    table, notes = _table(data, path, machine, format, given, columns, plan)
+    if log is None:
+        return table, notes
+    table, more = with_log(table, log)
+    return table, [*notes, *more]
 
 
 def _table(
@@ -118,22 +129,13 @@ def _table(
     """The table of the contract's columns, and notes."""
     source = str(path)
     if format == "delimited":
-        if columns is None:
-            raise UserError(
-                f"{source}: a delimited export needs a column map: {', '.join(delimited.map_names())}, or a .toml file"
-            )
-        column_map = delimited.read_map(columns)
-        if column_map.join:
-            return delimited.to_table(data, source, machine, header, column_map, plan)
-        table, notes = delimited.to_table(data, source, machine, header, column_map, None)
-        found, more = _at_standstills(table, machine, plan)
-        return found, [*notes, *more]
+        return _delimited(data, source, machine, header, columns, plan)
     if columns is not None:
         raise UserError(f"{source}: a column map is for delimited exports, not for format {format}")
     if format == "ncomp":
         table = parse_table(data, source)
         table = replace(table, entries={**table.entries, **given_entries(header, {})})
-        return _at_standstills(table, machine, plan)
+        return _at_standstills(with_seconds(table), machine, plan)
     if format == "robot":
         return robot_tables.to_table(data, source, machine, header, plan)
     if plan is not None:
@@ -143,6 +145,26 @@ def _table(
     if date is None or MEASURED in table.entries:
         return table, notes
     return replace(table, entries={**table.entries, MEASURED: Entry(str(date))}), notes
+
+
+def _delimited(
+    data: bytes, source: str, machine: Machine, header: Mapping[str, str], columns: str | None, plan: Path | None
+) -> tuple[Table, list[str]]:
+    """The table of the contract's columns from a file with a column map, and notes."""
+    if columns is None:
+        raise UserError(
+            f"{source}: a delimited export needs a column map: {', '.join(delimited.map_names())}, or a .toml file"
+        )
+    column_map = delimited.read_map(columns)
+    table, notes = delimited.to_table(data, source, machine, header, column_map, plan if column_map.join else None)
+    table, more = with_seconds(table), list[str]()
+    if ballbar_angles.in_columns(table.names):
+        table, more = ballbar_angles.of_angles(table, machine)
+    elif any(reading in table.names for _, reading in target_readings.PAIRS):
+        table = target_readings.with_deviations(table, machine)
+    elif not column_map.join:
+        table, more = _at_standstills(table, machine, plan)
+    return table, [*notes, *more]
 
 
 def _at_standstills(table: Table, machine: Machine, plan: Path | None) -> tuple[Table, list[str]]:

@@ -15,15 +15,15 @@ circle has the length of the bar as its radius. Plane and feed are columns, or h
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
 import numpy as np
 
 from calibration.instruments.ballbar import CENTRE, LENGTH, RADIUS, Ballbar
-from calibration.measurement.readers.text import given_entries
-from calibration.measurement.text_table import Entry, Table, parse_table, table_of
+from calibration.measurement.logged import is_clock, with_seconds
+from calibration.measurement.readers import delimited
+from calibration.measurement.text_table import Entry, Table, table_of
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine
 from kinematics.transforms import Array
@@ -40,32 +40,40 @@ LARGEST_STEP = 30.0
 
 def recognises(head: str) -> bool:
     """True for names of columns with an angle and a deviation or a radius."""
-    line = next((line for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
-    names = [name.strip() for name in line.split(",")]
+    return in_columns(delimited.names_in(head))
+
+
+def in_columns(names: Sequence[str]) -> bool:
+    """True for names of columns with an angle, and a deviation or a radius."""
     return ANGLE in names and (DEVIATION in names or RADIUS in names)
 
 
 def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, str]) -> tuple[Table, list[str]]:
     """The file as a table of the contract's columns, and notes."""
-    table = parse_table(data, source)
-    table = replace(table, entries={**table.entries, **given_entries(header, {})})
-    table.allow_columns(lambda name: name in KNOWN, KNOWN)
-    table.need_columns([ANGLE, RUN], "circles of a ballbar by angle")
+    table, notes = delimited.plain_table(data, source, machine, header)
+    found, more = of_angles(with_seconds(table), machine)
+    return found, [*notes, *more]
+
+
+def of_angles(table: Table, machine: Machine) -> tuple[Table, list[str]]:
+    """The table with positions of the axes in place of angles, and notes; without a column run all is one run."""
+    table.allow_columns(lambda name: name in KNOWN or is_clock(name), KNOWN)
+    table.need_columns([ANGLE], "circles of a ballbar by angle")
     stated = table.entries.get("instrument", Entry(Ballbar.kind())).value
     if stated != Ballbar.kind():
         raise UserError(f"{table.head}: column {ANGLE}: angles are those of a ballbar, and the instrument is {stated}")
     radius = _readings(table)
-    angles, runs = table.numbers([ANGLE])[ANGLE], table.texts([RUN])[RUN]
+    angles = table.numbers([ANGLE])[ANGLE]
+    runs = table.texts([RUN])[RUN] if RUN in table.names else np.full(len(table), "1")
     _check_order(table, angles, runs)
     feeds = table.numbers([FEED])[FEED] if FEED in table.names else np.full(len(table), _entry(table, FEED, "1000"))
     positions = _positions(table, machine, angles)
     columns = {name: _texts(positions[:, i] / machine.scale[i]) for i, name in enumerate(machine.names)}
     columns |= {"run": runs.tolist(), "feed": _texts(feeds), RADIUS: _texts(radius)}
-    if "time_s" in table.names:
-        columns["time_s"] = table.texts(["time_s"])["time_s"].tolist()
+    columns |= {name: cells.tolist() for name, cells in table.texts([n for n in table.names if is_clock(n)]).items()}
     entries = {key: entry for key, entry in table.entries.items() if key not in (PLANE, FEED)}
     entries["instrument"] = Entry(Ballbar.kind())
-    read = table_of(source, table.fingerprint, entries, columns, table.lines.tolist())
+    read = table_of(table.source, table.fingerprint, entries, columns, table.lines.tolist())
     notes = ["circles by angle: axis positions are those of the nominal circle about the stated centre"]
     return read, notes
 

@@ -13,9 +13,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from calibration.measurement.readers.text import given_entries, number_at, numbered_lines
+from calibration.measurement.readers.text import given_entries
 from calibration.measurement.text_table import Table, table_of
 from kinematics.files import fingerprint
+from kinematics.files.text_cells import number_at, numbered_lines
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 

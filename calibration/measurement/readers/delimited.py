@@ -4,11 +4,8 @@ Exports have no common format. The map gives the information that the export lac
 and the uncertainties of the instrument. Nothing is guessed. Maps for some programs are in
 `calibration/measurement/readers/maps`:
 
-    delimiter = ","              # "," ";" "tab" or "blank" (any number of blanks and tabs)
-    decimal = "."                # or ","
-    comment = "//"               # lines that begin so are left out; optional
-    skip_lines = 0               # lines above the names or the data
-    names = true                 # the first line names the columns; default: true if [columns] has a name
+    delimiter = ","              # form of the file, and columns: kinematics/files/column_map.py
+    decimal = "."
     join = "point"               # optional: the column that is looked up in the plan, by its name there
     reversed = ["EYX_um"]        # optional: error motions whose sign is not that of ISO 230-1 in the export
 
@@ -34,69 +31,32 @@ the columns `X`, `Y`, ... and any others of the measurement file, in its units. 
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-import msgspec
+from typing import Any
 
 from calibration.instruments import error_columns
-from calibration.measurement.readers.text import (
-    ANGLE_DEVIATIONS,
-    ANGLES,
-    LENGTH_DEVIATIONS,
-    LENGTHS,
-    TIMES,
-    given_entries,
-    number_at,
-    numbered_lines,
-    unit_size,
-)
+from calibration.measurement.readers.text import given_entries
 from calibration.measurement.states import CARRIERS
-from calibration.measurement.text_table import Table, read_table, table_of
-from kinematics.files import fingerprint, read_input, toml_entries
+from calibration.measurement.text_table import Entry, Table, read_table, table_of
+from kinematics.files import fingerprint
+from kinematics.files.column_map import SECONDS, TIME, ColumnMap, cells_of, delimiter_of, read_column_map
 from kinematics.files.mistaken import did_you_mean, none_of
-from kinematics.files.toml_entries import at_line, entry, utf8_text
+from kinematics.files.text_cells import ANGLE_DEVIATIONS, ANGLES, LENGTH_DEVIATIONS, LENGTHS, numbered_lines
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
-DELIMITERS = {",": ",", ";": ";", "tab": "\t", "blank": None}
-KELVIN = 273.15
+BY_NAME: Mapping[str, tuple[str, Mapping[str, float], str]] = {
+    "_mm": ("linear", LENGTHS, "mm"),
+    "_deg": ("rotary", ANGLES, "deg"),
+    "_um": ("errors", LENGTH_DEVIATIONS, "um"),
+    "_urad": ("angles", ANGLE_DEVIATIONS, "urad"),
+}
+"""Kind of quantity and unit of a column by the end of its name; the map need not state this unit."""
 TARGET = "target"
 """Column with the name of the reflector."""
 MAPS = Path(__file__).parent / "maps"
-
-
-class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Information that an export does not contain."""
-
-    columns: dict[str, str | int]
-    delimiter: Literal[",", ";", "tab", "blank"]
-    decimal: Literal[".", ","]
-    units: dict[str, str] = {}
-    header: dict[str, str | int | float | dict[str, str]] = {}
-    skip_lines: Annotated[int, msgspec.Meta(ge=0)] = 0
-    comment: str = ""
-    names: bool | None = None
-    reversed: tuple[str, ...] = ()
-    join: str = ""
-
-    @property
-    def named(self) -> bool:
-        """True if the first line names the columns."""
-        return any(isinstance(each, str) for each in self.columns.values()) if self.names is None else self.names
-
-    @property
-    def keys(self) -> dict[str, str]:
-        """The header as keys of the measurement file; TOML reads `target.t1` as a table."""
-        flat: dict[str, str] = {}
-        for key, value in self.header.items():
-            if isinstance(value, dict):
-                flat |= {f"{key}.{name}": text for name, text in value.items()}
-            else:
-                flat[key] = str(value)
-        return flat
 
 
 def read_map(name: str) -> ColumnMap:
@@ -104,19 +64,10 @@ def read_map(name: str) -> ColumnMap:
     path = MAPS / f"{name}.toml" if name in map_names() else Path(name)
     if path.suffix != ".toml" and not path.exists():
         raise UserError(f"--columns {none_of(name, map_names())}; or give the path of a .toml file")
-    where = f"column map {path}"
-    text = utf8_text(read_input(path, "column map"), where).removeprefix("\ufeff")
-    try:
-        found = entry(toml_entries.read_table(text, where), ColumnMap)
-    except UserError as fault:
-        raise fault if str(fault).startswith(where) else at_line(text, where, fault) from None
-    if found.delimiter == found.decimal:
-        raise UserError(f"column map {path}: a comma cannot be both the separator of cells and the decimal sign")
+    found = read_column_map(path)
     wrong = [each for each in found.reversed if each not in found.columns or not error_columns.NAME.fullmatch(each)]
     if wrong:
         raise UserError(f"column map {path}: reversed {wrong[0]!r} is not one of its columns of error motions")
-    if found.join and found.join not in found.columns:
-        raise UserError(f"column map {path}: join {found.join!r} is not one of its columns")
     return found
 
 
@@ -129,10 +80,10 @@ def to_table(
     data: bytes, source: str, machine: Machine, header: Mapping[str, str], columns: ColumnMap, plan: Path | None
 ) -> tuple[Table, list[str]]:
     """The export as a table of the contract's columns, and notes."""
-    names, rows, lines = _cells(data, source, columns)
-    texts = {}
+    read, texts = cells_of(data, source, columns), dict[str, list[str]]()
+    lines = read.lines
     for name, requested in columns.columns.items():
-        cells = _column(names, rows, lines, requested, source)
+        cells = read.column(requested)
         if name != columns.join:
             convert = _converter(name, machine, columns, source)
             cells = [
@@ -150,78 +101,57 @@ def to_table(
     return table_of(source, fingerprint(data), entries, texts, lines), notes
 
 
-def _cells(data: bytes, source: str, columns: ColumnMap) -> tuple[list[str], list[list[str]], list[int]]:
-    """Names of the columns (empty if the export has none), rows of cells, and their line numbers."""
-    lines = [
-        (number, line)
-        for number, line in numbered_lines(data)[columns.skip_lines :]
-        if line.strip() and not (columns.comment and line.lstrip().startswith(columns.comment))
-    ]
-    delimiter = DELIMITERS[columns.delimiter]
-    texts = [line for _, line in lines]
-    rows = [line.split() for line in texts] if delimiter is None else list(csv.reader(texts, delimiter=delimiter))
-    rows = [[cell.strip() for cell in row] for row in rows]
-    numbers = [number for number, _ in lines]
-    if not rows:
-        raise UserError(f"{source} contains no data")
-    return (rows[0], rows[1:], numbers[1:]) if columns.named else ([], rows, numbers)
+def names_in(head: str) -> list[str]:
+    """The names of the columns in the first line that is no header line, by the separator that it shows."""
+    line = next((line for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
+    return [name.strip() for name in line.split(delimiter_of(line)[1])]
 
 
-def _column(names: list[str], rows: list[list[str]], lines: list[int], requested: str | int, source: str) -> list[str]:
-    """The cells of a column, given by name or by number from 1."""
-    if isinstance(requested, str):
-        if names.count(requested) != 1:
-            found = ", ".join(names) or "none, because the map has names = false"
-            raise UserError(f"{source}: column {requested!r} is missing or occurs twice; the columns are {found}")
-        requested = names.index(requested) + 1
-    cells = []
-    for row, line in zip(rows, lines, strict=True):
-        if not 1 <= requested <= len(row):
-            raise UserError(
-                f"{source}:{line}: column {requested} is missing: the line has {len(row)} columns{_other(row)}"
-            )
-        cells.append(row[requested - 1])
-    return cells
+def plain_table(
+    data: bytes,
+    source: str,
+    machine: Machine,
+    header: Mapping[str, str],
+    named: Callable[[str], str] = lambda name: name,
+) -> tuple[Table, list[str]]:
+    """A table whose first lines are `# key: value` and names of columns, and notes; `named` gives these their meaning.
 
-
-def _other(row: list[str]) -> str:
-    """Cure for a line that another delimiter divides."""
-    mark = next((mark for name, mark in DELIMITERS.items() if mark and len(row) == 1 and mark in row[0]), "")
-    return f", and contains {mark!r}: check delimiter in the column map" if mark else ""
+    The separator is `,` `;` or a tab; with the latter two a decimal comma is also read.
+    """
+    lines = [(number, line.strip()) for number, line in numbered_lines(data) if line.strip()]
+    (names_line, names), *rows = [(number, line) for number, line in lines if line[0] != "#"]
+    delimiter, mark = delimiter_of(names)
+    comma = delimiter != "," and any("," in line for _, line in rows)
+    entries = {}
+    for number, line in lines:
+        if line[0] == "#":
+            key, _, value = (part.strip() for part in line[1:].partition(":"))
+            entries[key] = Entry(value.replace(",", ".") if comma else value, number)
+    columns: dict[str, Any] = {named(name.strip()): name.strip() for name in names.split(mark)}
+    own = ColumnMap(columns, delimiter, "," if comma else ".", comment="#")
+    table, notes = to_table(data, source, machine, header, own, None)
+    return replace(table, entries={**entries, **table.entries}, names_line=names_line), notes
 
 
 def _converter(name: str, machine: Machine, columns: ColumnMap, source: str) -> Callable[[str, str], str]:
     """Conversion of a cell of the export to one of the measurement file; its second argument is for messages."""
     axis = name.removeprefix("actual_")
+    if convert := columns.of_time_or_temperature(name, source):
+        return convert
     if name in ("x", "y", "z"):
-        size, shift = _unit(columns, "xyz", LENGTHS, name, source), 0.0
+        kind, sizes = "xyz", LENGTHS
     elif axis in machine.names:
         rotary = machine.axes[machine.index(axis)].rotary
         kind, sizes = ("rotary", ANGLES) if rotary else ("linear", LENGTHS)
-        size, shift = _unit(columns, kind, sizes, name, source), 0.0
-    elif name == "time_s":
-        size, shift = _unit(columns, "time", TIMES, name, source), 0.0
     elif error := error_columns.NAME.fullmatch(name):
         kind, sizes = ("errors", LENGTH_DEVIATIONS) if error[3] == "um" else ("angles", ANGLE_DEVIATIONS)
-        size, shift = _unit(columns, kind, sizes, name, source), 0.0
-    elif name.startswith("temp_"):
-        size = _unit(columns, "temperature", {"degC": 1.0, "K": 1.0}, name, source)
-        shift = KELVIN if columns.units["temperature"] == "K" else 0.0
+    elif by_name := next((unit for ending, unit in BY_NAME.items() if name.endswith(ending)), None):
+        kind, sizes, own = by_name
+        return columns.converter(columns.size(kind, sizes, name, source) if kind in columns.units else sizes[own])
     else:
         return lambda cell, _: cell
-    if name in columns.reversed:
-        size = -size
-    if size == 1.0 and shift == 0.0:
-        return lambda cell, where: repr(number_at(cell, where, columns.decimal))
-    return lambda cell, where: repr(number_at(cell, where, columns.decimal) * size - shift)
-
-
-def _unit(columns: ColumnMap, kind: str, sizes: Mapping[str, float], name: str, source: str) -> float:
-    if kind not in columns.units:
-        raise UserError(
-            f"{source}: its column map does not state the unit of {name}: add [units] {kind} = {'|'.join(sizes)}"
-        )
-    return unit_size(sizes, columns.units[kind], f"{source}: column map, units.{kind}")
+    size = columns.size(kind, sizes, name, source)
+    return columns.converter(-size if name in columns.reversed else size)
 
 
 def _joined(
@@ -232,7 +162,8 @@ def _joined(
     If both have a column `target`, a row is looked up by its name and its target.
     """
     plan_table.need_columns([key], "a plan")
-    both = set(plan_table.names) & set(texts)
+    planned = [name for name in plan_table.names if name != SECONDS or not {TIME, SECONDS} & set(texts)]
+    both = set(planned) & set(texts)
     keys = sorted(both & {key, TARGET}, key=lambda name: name == TARGET)
     if twice := both - set(keys):
         raise UserError(f"{plan_table.head} column {', '.join(sorted(twice))} occurs in the export too")
@@ -253,8 +184,10 @@ def _joined(
         more = ", ..." if len(missing) > 5 else ""
         notes.append(f"points of the plan that were not measured, {len(missing)}: {', '.join(missing[:5])}{more}")
     order = [rows[name] for name in measured]
-    requested = [name for name in plan_table.names if name not in keys]
+    requested = [name for name in planned if name not in keys]
     found = {name: column[order].tolist() for name, column in plan_table.cells(requested).items()}
+    if SECONDS in found:
+        notes.append(f"the export has no times: those that {plan_table.source} plans stand in for them")
     return {**found, **{name: column for name, column in texts.items() if name != key}}
 
 

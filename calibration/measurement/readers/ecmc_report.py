@@ -19,15 +19,9 @@ import re
 from collections.abc import Iterator, Mapping
 
 from calibration.measurement.readers.iso230_table import cycles_table
-from calibration.measurement.readers.text import (
-    ANGLES,
-    LENGTHS,
-    axis_of,
-    number_at,
-    numbered_lines,
-    unit_size,
-)
+from calibration.measurement.readers.text import axis_of
 from calibration.measurement.text_table import Table
+from kinematics.files.text_cells import ANGLES, LENGTHS, number_at, numbered_lines, unit_size
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.measurement.readers.axis_motion import SPAN, AxisMotion, motion_table
-from calibration.measurement.readers.text import axis_named, number_at, numbered_lines
+from calibration.measurement.readers.text import axis_named
 from calibration.measurement.text_table import Table
+from kinematics.files.text_cells import number_at, numbered_lines
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

@@ -18,17 +18,10 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import chain
 
-from calibration.measurement.readers.text import (
-    ANGLE_DEVIATIONS,
-    LENGTH_DEVIATIONS,
-    axis_named,
-    given_entries,
-    number_at,
-    numbered_lines,
-    unit_size,
-)
+from calibration.measurement.readers.text import axis_named, given_entries
 from calibration.measurement.text_table import Table, table_of
 from kinematics.files import fingerprint
+from kinematics.files.text_cells import ANGLE_DEVIATIONS, LENGTH_DEVIATIONS, number_at, numbered_lines, unit_size
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 

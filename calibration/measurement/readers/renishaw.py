@@ -23,9 +23,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.measurement.readers.text import axis_named, given_entries, number_at, numbered_lines
+from calibration.measurement.readers.text import axis_named, given_entries
 from calibration.measurement.text_table import Table, table_of
 from kinematics.files import fingerprint
+from kinematics.files.text_cells import number_at, numbered_lines
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 

@@ -17,9 +17,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibration.measurement.readers.text import ANGLES, LENGTHS, given_entries, number_at, numbered_lines, unit_size
+from calibration.measurement.readers.text import given_entries
 from calibration.measurement.text_table import Table, table_of
 from kinematics.files import fingerprint, read_input
+from kinematics.files.text_cells import ANGLES, LENGTHS, number_at, numbered_lines, unit_size
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 

@@ -26,8 +26,9 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.readers.axis_motion import SPAN, AxisMotion, motion_table
-from calibration.measurement.readers.text import ANGLES, LENGTHS, axis_of, number_at, numbered_lines
+from calibration.measurement.readers.text import axis_of
 from calibration.measurement.text_table import Table
+from kinematics.files.text_cells import ANGLES, LENGTHS, number_at, numbered_lines
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

@@ -191,8 +191,7 @@ class OfLine:
         if axis.rotary or j < 3:
             yield Columns(i, j, size * course)
             return
-        tilt = axis.error_frame[:, j - 3]
-        sideways = axis.error_frame.T @ np.cross(tilt, axis.unit_direction) * size
+        sideways = axis.tilted[j - 3] * size
         fixed = getattr(self, "fixed_point", 0.0)
         for k in np.flatnonzero(sideways):
             yield Columns(i, int(k), sideways[k] * (state.positions[:, [i]] - fixed) * course)
@@ -239,6 +238,11 @@ class InAir(OfInstrument, frozen=True):
     def at_place(self, machine: Machine, state: State, course: Array) -> Iterator[Columns]:  # noqa: ARG002
         """See `Course.at_place`."""
         yield from observed((state.need("observed", self.name) * course)[:, :, None] * 1e-3 * UM)
+
+
+def in_station(state: State, station: str, purpose: str) -> Array:
+    """1 `(n, 1)` in the rows of a station, 0 in others."""
+    return np.where(state.need("station", purpose) == station, 1.0, 0.0)[:, None]
 
 
 def observed(values: Array) -> Iterator[Columns]:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import MODEL, argument, option, output_option
 from postproc.commands.options.measurement import DataOptions, Force
-from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
+from postproc.commands.options.recorded import RecordedOptions, calibration_entry
+from postproc.commands.options.shared import MachineName, whole_results
+
+if TYPE_CHECKING:
+    from calibration.diagnosis.conclusion.result import Diagnosis
+    from kinematics.machine import Machine
+    from rendering.report import Report
 
 EPILOG = (
     "Examples:\n\n"
@@ -22,9 +28,8 @@ EPILOG = (
 )
 
 
-Report = Literal["report", "add"]
 Unexplained = Annotated[
-    Report,
+    Literal["report", "add"],
     option(
         "Functions that no cause explains: only reported, or also corrected by the calibration, as far as they recur.",
         default="report",
@@ -44,16 +49,14 @@ def diagnose(
     unexplained: Unexplained,
     force: Force,
     form: DataOptions,
-    others: ResultOptions,
+    others: RecordedOptions,
 ) -> None:
     """Find the causes of the errors that measured data show, with their odds, and write a calibration with them.
 
     Causes that the data cannot show are only listed. Causes that the data cannot distinguish are shown as a tie, with
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
-    from calibration.fit.beyond_measured import calibration_file
     from calibration.reports.diagnosis.commands import Files
-    from calibration.reports.diagnosis.document import diagnosis_json
     from calibration.reports.diagnosis.page import diagnosis_report
     from postproc.commands.show.terminal import console, show
 
@@ -64,14 +67,33 @@ def diagnose(
         found = ncomp.diagnose(measurement, present, unexplained=unexplained, force=force, progress=status.update)
     files = Files(machine, str(output), None if calibration is None else str(calibration))
     report = diagnosis_report(found, _command(data, machine, calibration), files)
-    with whole_results(*others.files, str(output) if found.accepted else None) as (results, page, file):
-        if found.accepted:
-            file.write(calibration_file(found.model, found_machine))
-        others.write(diagnosis_json(found), report, (results, page), (*data, form.plan, calibration))
+    _write(found, found_machine, report, str(output), others, (*data, *form.files, calibration))
     show(report, *others.files, str(output))
     if not found.accepted:
         raise UserError(f"{measurement.source}: {found.reason}")
     form.note_date([measurement])
+
+
+def _write(
+    found: Diagnosis,
+    machine: Machine,
+    report: Report,
+    output: str,
+    others: RecordedOptions,
+    inputs: Sequence[Path | str | None],
+) -> None:
+    """Write the results, and the calibration if it is accepted."""
+    from calibration.fit.beyond_measured import calibration_file
+    from calibration.reports.diagnosis.document import diagnosis_json
+
+    target = output if found.accepted else None
+    with others.recorded(machine) as record, whole_results(*others.files, target) as (results, page, file):
+        others.write(diagnosis_json(found), report, (results, page), inputs)
+        if found.accepted:
+            content = calibration_file(found.model, machine)
+            file.write(content)
+            title = f"diagnosis {found.model.id}: {found.headline}"
+            record(calibration_entry(machine, content, target, report, inputs, kind="diagnosis", title=title))
 
 
 def _command(data: Sequence[Path], machine: str, calibration: Path | None) -> str:

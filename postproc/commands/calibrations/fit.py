@@ -13,7 +13,8 @@ from postproc.commands.options.declared import MODEL, argument, option, output_o
 from postproc.commands.options.measurement import DataOptions, Force, Noise
 from postproc.commands.options.path import OnTheFlyOptions, Reversal, read_path
 from postproc.commands.options.program import SetUpOptions
-from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
+from postproc.commands.options.recorded import RecordedOptions, calibration_entry
+from postproc.commands.options.shared import MachineName, whole_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
     from calibration.on_the_fly.along_path import OnTheFly
     from kinematics.error_model.model import ErrorModel
+    from kinematics.machine import Machine
     from rendering.report import Report
 
 
@@ -84,7 +86,7 @@ def fit(
     form: DataOptions,
     moving: OnTheFlyOptions,
     set_up: PathSetUp,
-    others: ResultOptions,
+    others: RecordedOptions,
 ) -> None:
     """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points cannot show.
 
@@ -92,11 +94,10 @@ def fit(
     do not determine are listed by name and keep their prior uncertainty. Files of several instruments are fitted
     together: each has its own registration and is also predicted by the others.
     """
-    from calibration.fit.beyond_measured import calibration_file
     from calibration.measurement.measurement import Measurement
     from postproc.commands.show.terminal import console, show
 
-    inputs = (*data, form.plan, moving.path)
+    inputs = (*data, *form.files, moving.path)
     moving.check(form, set_up)
     if moving.path is not None and len(data) > 1:
         raise UserError("--path needs one measurement file: several cannot be along one path")
@@ -110,10 +111,7 @@ def fit(
             measured = [moving.read(data[0], nominal, form)]
         fitted = _of_one if len(measured) == 1 else _of_several
         found = fitted(measured, model, moving.reversal, command, status.update)
-    with whole_results(*others.files, None if found.refusal else str(output)) as (results, page, file):
-        if found.refusal is None:
-            file.write(calibration_file(found.model, found_machine))
-        others.write(found.results, found.report, (results, page), inputs)
+    _write(found, found_machine, output, others, inputs)
     show(found.report, *others.files)
     if found.refusal is not None:
         raise found.refusal
@@ -127,6 +125,21 @@ class _Fitted(NamedTuple):
     results: dict[str, Any]
     report: Report
     refusal: UserError | None
+
+
+def _write(
+    found: _Fitted, machine: Machine, output: Path, others: RecordedOptions, inputs: Sequence[Path | str | None]
+) -> None:
+    """Write the results, and the calibration if it may be used."""
+    from calibration.fit.beyond_measured import calibration_file
+
+    target = None if found.refusal else str(output)
+    with others.recorded(machine) as record, whole_results(*others.files, target) as (results, page, file):
+        others.write(found.results, found.report, (results, page), inputs)
+        if found.refusal is None:
+            content = calibration_file(found.model, machine)
+            file.write(content)
+            record(calibration_entry(machine, content, target, found.report, inputs))
 
 
 def _of_one(

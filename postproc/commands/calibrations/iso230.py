@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import ncomp
 from postproc.commands.options.declared import argument, output_option
 from postproc.commands.options.measurement import DataOptions
-from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
+from postproc.commands.options.recorded import RecordedOptions, results_entry
+from postproc.commands.options.shared import MachineName, whole_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,22 +28,24 @@ EPILOG = (
 
 def iso230(
     *,
-    data: Path = argument("Interferometer data, in any known format.", "DATA", reads=True),
+    data: Path = argument("Interferometer data, or a tracker's along the body diagonals.", "DATA", reads=True),
     machine: MachineName,
     output: str | None = output_option("Error tables of both directions; `-` is standard output.", "TABLE.csv", None),
     form: DataOptions,
-    others: ResultOptions,
+    others: RecordedOptions,
 ) -> None:
     """Evaluate interferometer runs by ISO 230-2: reversal, repeatability, systematic deviation and accuracy of axes.
 
     Deviations are measured minus target, positive where the axis goes too far in its positive direction; the reversal
-    value is forward minus backward. U (k = 2) of each value comes from the uncertainty of the instrument.
+    value is forward minus backward. U (k = 2) of each value comes from the uncertainty of the instrument. Points of a
+    laser tracker along the body diagonals are evaluated by ISO 230-6: each diagonal like an axis, and E_d and B_d.
     """
     from calibration.reports.head import measured_head
-    from calibration.reports.iso230 import iso230_report
+    from calibration.reports.iso230 import iso230_json, iso230_report
+    from history.figures import of_axes
     from postproc.commands.show.terminal import console, say, show
 
-    inputs = (data, form.plan)
+    inputs = (data, *form.files)
     found = ncomp.load_machine(machine)
     with console.status("1 of 2: reading") as status:
         measurement = form.read([data], found)
@@ -52,15 +56,18 @@ def iso230(
         for note in test.notes:
             say("note", note)
     report = iso230_report(tests, str(data), head)
-    with whole_results(*others.files, output) as (results, page, file):
-        others.write({"axes": [test.json() for test in tests]}, report, (results, page), inputs)
+    answer, title = iso230_json(tests), "; ".join(test.headline for test in tests)
+    figures = partial(of_axes, answer["axes"])
+    with others.recorded(found) as record, whole_results(*others.files, output) as (results, page, file):
+        others.write(answer, report, (results, page), inputs)
         _write_tables(tests, file)
+        record(results_entry("iso230-2", title, answer, figures, inputs, measurement))
     show(report, *others.files, output)
 
 
 def _write_tables(tests: Sequence[AxisTest], file: BinaryIO) -> None:
     """Write rows of axis, direction, position, error, standard uncertainty (k = 1) and number of readings."""
-    from calibration.single_axis.iso230 import DIRECTIONS
+    from calibration.single_axis.cells import DIRECTIONS
 
     units = list(dict.fromkeys((test.position_unit, test.unit) for test in tests))
     names = [name for p, e in units for name in (f"position_{p}", f"error_{e}", f"u_{e}")]

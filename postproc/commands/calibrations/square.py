@@ -9,7 +9,8 @@ import ncomp
 from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
-from postproc.commands.options.shared import OptionalMachine, ResultOptions, whole_results
+from postproc.commands.options.recorded import RecordedOptions, calibration_entry
+from postproc.commands.options.shared import OptionalMachine, whole_results
 
 if TYPE_CHECKING:
     from calibration.evaluation.rectangle import Rectangle
@@ -51,7 +52,7 @@ def square(
         "-o",
         writes="file",
     ),
-    others: ResultOptions,
+    others: RecordedOptions,
 ) -> None:
     """Find how far two axes are from square, from the diagonals and one side of a rectangle that the machine made.
 
@@ -68,10 +69,19 @@ def square(
     report = rectangle_report(found, f"ncomp square {given}")
     for note in notes_on(found):
         say("note", note)
-    with whole_results(output, *others.files) as (file, *files):
+    mill = None if machine is None else ncomp.load_machine(machine)
+    with others.recorded(mill) as record, whole_results(output, *others.files) as (file, *files):
         file.write(content)
         others.write(rectangle_json(found), report, tuple(files), [machine])
+        if mill is not None and not _is_table(output):
+            title = f"squareness by the lengths of a rectangle, {found.headline}"
+            record(calibration_entry(mill, content, output, report, (), kind="check", title=title))
     show(report, *others.files)
+
+
+def _is_table(output: str | None) -> bool:
+    """True for the name of a measurement file."""
+    return output is not None and output.lower().endswith(".csv")
 
 
 def _content(found: Rectangle, size: str | None, machine: str | None, output: str | None) -> bytes:
@@ -79,7 +89,7 @@ def _content(found: Rectangle, size: str | None, machine: str | None, output: st
     from calibration.evaluation.rectangle import file_of
     from kinematics.error_model.model import encode_model
 
-    as_table = output is not None and output.lower().endswith(".csv")
+    as_table = _is_table(output)
     if size is not None and not as_table:
         raise UserError(f"--size {size}: is for a measurement file: give -o FILE.csv")
     if machine is None:

@@ -34,7 +34,7 @@ def three_points(
     from calibration.reports.three_points import three_points_json, three_points_report
     from postproc.commands.show.terminal import say, show
 
-    inputs = (data, form.plan)
+    inputs = (data, *form.files)
     measurement = form.read([data], ncomp.load_machine(machine))
     result = ncomp.three_points(measurement, basis=basis, degree=degree)
     found, checked = result.found, result.check

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 FORMAT_LIST = (
     "Formats of tables: linuxcnc, siemens-eec, siemens-cec, heidenhain, heidenhain-kinematics, fanuc, isg, isg-cross, "
-    "isg-volumetric, etalon, mitsubishi, klipper, reprap, csv (docs/tables.md). Of kinematic parameters: "
-    "linuxcnc-kinematics, siemens-trafo5, siemens-tcarr, heidenhain-transformations, fanuc-kinematics "
-    "(docs/kinematic_parameters.md).\n\n"
+    "isg-volumetric, etalon, mitsubishi, klipper, reprap, marlin, grbl, linuxcnc-matrix, linuxcnc-calibxyz, csv "
+    "(docs/tables.md). Of kinematic parameters: linuxcnc-kinematics, siemens-trafo5, siemens-tcarr, "
+    "heidenhain-transformations, fanuc-kinematics (docs/kinematic_parameters.md).\n\n"
 )
 """All formats, for the help."""
 EPILOG = (

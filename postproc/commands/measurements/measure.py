@@ -189,7 +189,7 @@ class Session:
         from calibration.measurement.text_table import parse_table
 
         measurement = measurement_of(parse_table(self.text.encode(), "lengths"), self.machine)
-        model: ErrorModel = ncomp.fit(measurement, hold_out=False).model
+        model: ErrorModel = ncomp.fit(measurement, hold_out=False, force=True).model
         return model
 
 

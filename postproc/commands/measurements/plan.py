@@ -6,9 +6,9 @@ with `--instrument touch-probe` it is `optimised`, `path` or `spheres`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 
@@ -157,9 +157,11 @@ def program_lines(made: Plan, settings: ProgramSettings, dialect: str) -> Iterab
     scale = made.machine.scale
     before = None if made.before is None else made.before / scale
     assert made.state.target is not None
+    stations = made.state.station if len(made.stations) > 1 else None
     sequence = MeasuringSequence(
-        made.machine, made.positions / scale, before, made.names.tolist(), made.state.target.tolist()
-    )
+        made.machine, made.positions / scale, before, made.names.tolist(), made.state.target.tolist(),
+        () if stations is None else stations.tolist(),
+    )  # fmt: skip
     return measuring_program(sequence, settings, dialect, f"ncomp measuring plan {made.strategy}")
 
 
@@ -171,12 +173,14 @@ def write(
     output: str,
     others: ResultOptions,
     inputs: Iterable[str | None] = (),
+    more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a plan, the lines of its program and its results, and show the report."""
+    """Write a plan, the lines of its program and its results (with `more` of them), and show the report."""
     from calibration.measurement.plan_file import write_plan
     from postproc.commands.show.terminal import show
 
     results = {"strategy": made.strategy, "observations": len(made), "minutes": made.minutes, "notes": made.notes}
+    results |= more or {}
     shown = msgspec.structs.replace(report, head=made.machine.report.filled(machine=made.machine.name))
     with whole_results(program.nc, output, *others.files) as (file, table, *files):
         write_plan(made, table)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import ncomp
 from kinematics.running.given_texts import numbers
@@ -15,15 +15,19 @@ from postproc.commands.options.strategy import POSITIONS, RotaryOptions
 from postproc.commands.options.virtual_instrument import TrackerOptions
 
 if TYPE_CHECKING:
-    from calibration.measurement.plan import Choices, Plan
+    from calibration.measurement.plan import Choices
     from calibration.optimal.candidates import Obstacle
+    from calibration.optimal.optimise import Optimised
     from kinematics.machine import Machine
+    from rendering.report import Report
 
 EPILOG = (
     "Examples:\n\n"
     "`ncomp plan optimised --machine gantry --minutes 120 --elevation -59:79 --incidence 60 -o plan.csv`\n\n"
     "`ncomp plan optimised --machine gantry --points 300 --tracker -1500,1500,300 --tracker 2500,-1500,300 "
-    "--obstacle x=0:400,y=0:300,z=-900:-700 -o plan.csv`"
+    "--obstacle x=0:400,y=0:300,z=-900:-700 -o plan.csv`\n\n"
+    "`ncomp plan optimised --machine gantry --instrument ranging --points 240 --target t1=80,0,-100 "
+    "--target t2=-60,70,-150 --target t3=-60,-70,-250 -o plan.csv --nc plan.nc`"
 )
 
 
@@ -45,10 +49,19 @@ class OptimisedOptions(RotaryOptions, PaceOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions(TrackerOptions):
-    """The tracker, what it observes, and what the measurement must show."""
+    """The instrument, what it observes, and what the measurement must show."""
 
-    PANEL: ClassVar[str] = "Laser tracker"
+    PANEL: ClassVar[str] = "Instrument"
 
+    instrument: Literal["laser-tracker", "ranging"] = option(
+        "Instrument: laser-tracker, or ranging (ranges alone, from several stations).", default="laser-tracker"
+    )
+    stations: int | None = option(
+        "Number of stations, selected among --tracker, or among places around the volume. Default: 1, for ranging 4.",
+        "N",
+        min=1,
+    )
+    targets: int | None = option("Number of targets, selected among --target. Default: all.", "N", min=1)
     obstacle: tuple[str, ...] = option(
         "Box without targets that no beam may cross, mm, workpiece frame.", "x=low:high,y=...,z=..."
     )
@@ -68,8 +81,6 @@ def plan_optimised(
     others: ResultOptions,
 ) -> None:
     """Plan the positions that leave the least volumetric uncertainty, for a number of positions or of minutes."""
-    from calibration.reports.plan import plan_report
-
     program.refuse_without_effect()
     found = ncomp.load_machine(machine)
     choices = positions.choices(found, positions.timing())
@@ -78,11 +89,12 @@ def plan_optimised(
     settings = program.settings(found, positions.feed_or_default, positions.dwell_s, together)
     dialect = program.control(found)
     made = _optimised(found, choices, positions, view)
-    write(made, program_lines(made, settings, dialect), plan_report(made), program, output, others)
+    plan, lines = made.plan, program_lines(made.plan, settings, dialect)
+    write(plan, lines, optimised_report(made), program, output, others, more=optimised_json(made))
 
 
-def _optimised(machine: Machine, choices: Choices, positions: OptimisedOptions, view: ViewOptions) -> Plan:
-    """The plan; the terminal shows its predicted uncertainty."""
+def _optimised(machine: Machine, choices: Choices, positions: OptimisedOptions, view: ViewOptions) -> Optimised:
+    """The plan and its prediction."""
     from calibration.optimal.optimise import Request, optimised
     from calibration.simulation.effect_text import read_effects
     from postproc.commands.show.terminal import console
@@ -96,16 +108,49 @@ def _optimised(machine: Machine, choices: Choices, positions: OptimisedOptions, 
         [_obstacle(text) for text in view.obstacle],
         read_effects(view.visible, machine, "--visible"),
         positions.candidates,
+        view.stations,
+        view.targets,
     )
     with console.status("optimising") as status:
-        found = optimised(machine, view.instrument_of("laser-tracker"), request, status.update)
-    console.print(
-        f"tracker      {','.join(f'{v:g}' for v in found.tracker)} (mm, workpiece frame)\n"
-        f"expected     {found.expected_um:.2f} um RMS of volumetric error, for errors of typical size"
-    )
-    for name, share in found.visible.items():
-        console.print(f"visible      {name}: to {share:.0%} of its typical size (k = 1)")
-    return found.plan
+        return optimised(machine, view.instrument_of(view.instrument), request, status.update)
+
+
+def optimised_json(made: Optimised) -> dict[str, Any]:
+    """The set-ups and the prediction for programs."""
+    return {
+        "instrument": made.plan.instrument.kind() if made.plan.instrument else None,
+        "stations": {name: list(place) for name, place in made.plan.stations.items()},
+        "targets": {name: list(target.position) for name, target in made.plan.targets.items()},
+        "expected_um": made.expected_um,
+        "visible": dict(made.visible),
+        "not_visible": [
+            {"effects": list(each.effects), "reason": each.reason, "remedy": each.remedy} for each in made.hidden
+        ],
+    }
+
+
+def optimised_report(made: Optimised) -> Report:
+    """The plan for people, with its set-ups and its prediction."""
+    import msgspec
+
+    from calibration.reports.plan import plan_report
+    from rendering.report import facts
+
+    plan = made.plan
+    assert plan.state.station is not None
+    rows = [
+        (
+            f"station {name}",
+            f"{','.join(f'{v:g}' for v in place)} (mm, workpiece frame): "
+            f"{int((plan.state.station == name).sum())} observations",
+        )
+        for name, place in plan.stations.items()
+    ]
+    rows.append(("expected", f"{made.expected_um:.2f} um RMS of volumetric error, for errors of typical size"))
+    rows += [("visible", f"{name}: to {share:.0%} of its typical size (k = 1)") for name, share in made.visible.items()]
+    rows += [("NOT VISIBLE", str(each)) for each in made.hidden]
+    report = plan_report(plan)
+    return msgspec.structs.replace(report, sections=[facts("Stations and prediction", rows), *report.sections])
 
 
 def _obstacle(text: str) -> Obstacle:

@@ -89,18 +89,20 @@ def simulate(
     # the true model, the poses, the noise, the faults: each instrument measures the same machine
     draws = streams(seed, 4)
     model = errors.model(found, seed, location=errors.location)
+    of_a_plan = motion.path is None and instrument.instrument != "ballbar"
+    plan = _plan(found, strategy) if of_a_plan else None
+    instrument = instrument.of_plan(None if plan is None else plan.instrument)
     virtual = instrument.virtual_instrument(Faults(**vars(faults)), errors.temperatures())
     if motion.path is not None:
         motion.check(strategy, instrument, faults)
         nominal = read_path(motion.path, found, set_up.setup(found), set_up.dialect)
         simulate_on_path(nominal, motion, targets_of(strategy.target), model, virtual, draws, outputs)
         return
-    if instrument.instrument == "ballbar":
+    if plan is None:
         summary = "circles of a ballbar"
         made = _circles(found, model, Given(strategy, instrument, ballbar, motion), virtual, draws)
     else:
-        ballbar.refuse(instrument.instrument)
-        plan = _plan(found, strategy)
+        ballbar.refuse(str(instrument.instrument))
         summary = plan.summary
         with progress_of(len(plan) * max(1, len(virtual.trackers)), "simulating", LONG) as progress:
             made = ncomp.simulate(plan, model, virtual, seed=seed, progress=progress)
@@ -126,7 +128,9 @@ def _circles(
 
     reason = "does not apply to --instrument ballbar: its circles follow from --centre, --plane and --bar"
     refuse_given(reason, given.strategy, "strategy", "points", "spacing", "ranges")
-    refuse_given(reason, given.instrument, "tracker", "elevation", "incidence", "sphere", "distance", "planar")
+    refuse_given(
+        reason, given.instrument, "tracker", "elevation", "incidence", "beam_mm", "sphere", "distance", "planar"
+    )
     target, circles = given.ballbar.target(given.strategy.target), given.ballbar.circles(given.motion.feed)
     bar = given.ballbar.instrument(virtual.instrument)
     made = swept(machine, model, bar, circles, target, (draws[1], draws[2]), virtual.noise_scale)

@@ -52,7 +52,7 @@ class MotionOptions:
             raise UserError(f"--path needs a laser tracker, not --instrument {instrument.instrument}")
         reason = "does not apply to --path: the program has the positions"
         refuse_given(reason, strategy, "strategy", "points", "spacing", "ranges")
-        refuse_given(reason, instrument, "elevation", "incidence")
+        refuse_given(reason, instrument, "elevation", "incidence", "beam_mm")
         refuse_given(reason, faults, "duplicates")
 
     def vibrations(self) -> Vibration:

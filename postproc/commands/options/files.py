@@ -84,6 +84,11 @@ def file_of_calibration(text: str | None) -> Path | None:
     return None if text in (None, "none") else Path(str(text))
 
 
+def file_of_database(text: str | None) -> Path | None:
+    """The file of a database, which may be a URL."""
+    return None if text is None or "://" in text else Path(text)
+
+
 def file_if_there(text: str | None) -> Path | None:
     """The file of an option whose value is a name or a path: the path if there is a file."""
     return Path(text) if text is not None and Path(text).is_file() else None

@@ -62,7 +62,7 @@ class DataOptions:
 
     format: str = option(
         "Format of the data: auto, ncomp, rtl, iso230-table, ecmc-report, cmm, epics, twincat-scope, ballbar-angles, "
-        "robot, delimited.",
+        "target-readings, robot, delimited.",
         default="auto",
         complete=_formats,
     )
@@ -79,14 +79,26 @@ class DataOptions:
         reads=True,
     )
     measured: str | None = option(
-        "Date of the measurement, where the data do not state it: the validity of a calibration begins then.",
-        "YYYY-MM-DD",
+        "Date of the measurement, where the data do not state it: the validity of a calibration begins then. With the "
+        "time of second 0 for a log of time stamps.",
+        "'YYYY-MM-DD HH:MM:SS'",
     )
+    log: Path | None = option(
+        "Temperatures by time (time_s, or time with time stamps, and temp_NAME), joined to the rows of the data.",
+        "FILE.csv",
+        reads=True,
+    )
+    log_columns: Path | None = option("Column map of a log with other columns.", "MAP.toml", reads=True)
 
     @property
     def entries(self) -> tuple[str, ...]:
         """Entries that the data lack, with the date of the measurement."""
         return self.header if self.measured is None else (*self.header, f"measured={self.measured}")
+
+    @property
+    def files(self) -> tuple[Path | None, ...]:
+        """The files that are read besides the data."""
+        return (self.plan, self.log, self.log_columns)
 
     def note_date(self, measurements: Sequence[Measurement]) -> None:
         """Note for the user where a calibration is made from data without a date."""
@@ -118,7 +130,14 @@ class DataOptions:
         for path in paths:
             each.append(
                 ncomp.read_measurement(
-                    path, machine, format=self.format, header=self.entries, columns=self.columns, plan=self.plan
+                    path,
+                    machine,
+                    format=self.format,
+                    header=self.entries,
+                    columns=self.columns,
+                    plan=self.plan,
+                    log=self.log,
+                    log_columns=self.log_columns,
                 )
             )
             for note in each[-1].notes:

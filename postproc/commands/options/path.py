@@ -67,6 +67,8 @@ class OnTheFlyOptions:
                 format=data.format,
                 header=data.header,
                 columns=data.columns,
+                log=data.log,
+                log_columns=data.log_columns,
                 cell_mm=self.cell_mm,
                 corner_mm=self.corner_mm,
                 progress=status.update,

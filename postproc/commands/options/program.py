@@ -22,6 +22,13 @@ def _dialect_names() -> list[str]:
     return list(NAMES)
 
 
+def _file_of_map(given: str | None) -> Path | None:
+    """The file of a height map."""
+    from postproc.control.setup import parse_height_map
+
+    return None if given is None else parse_height_map(given)[0]
+
+
 def folders_of(named: str | None) -> list[Path]:
     """Folders in a list with commas."""
     return [Path(each) for each in named.split(",")] if named is not None else []
@@ -141,10 +148,17 @@ class DatumOptions(SetUpOptions):
         "G54=probed|true",
     )
 
+    height_map: str | None = option(
+        "Height map of the workpiece (docs/height_maps.md), and the work offset at which it was probed; default: the "
+        "only one that is given, or G54.",
+        "FILE[@G55]",
+        reads=_file_of_map,
+    )
+
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of `ncomp.set_up`."""
-        return super().arguments | {"datum": self.datum}
+        return super().arguments | {"datum": self.datum, "height_map": self.height_map}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,12 +216,15 @@ class ConditionsOptions:
     temperature: tuple[str, ...] = option("Temperature of a sensor while the program runs: spindle=31.5.", "NAME=degC")
     elapsed: float | None = option("Time from the zero of the thermal effects to the program's start, s.", "s")
     log: Path | None = option(
-        "Log with columns time_s and temp_NAME, degC, up to the program's start.", "FILE.csv", reads=True
+        "Log with columns time_s or time (time stamps), and temp_NAME, degC, up to the program's start.",
+        "FILE.csv",
+        reads=True,
     )
+    log_columns: Path | None = option("Column map of a log with other columns.", "MAP.toml", reads=True)
 
     def conditions(self) -> Conditions:
         """The conditions; UserError for an option that cannot be used."""
-        return ncomp.conditions(temperature=self.temperature, elapsed=self.elapsed, log=self.log)
+        return ncomp.conditions(**vars(self))
 
 
 def moves_of(program: str, machine: Machine, setup: Setup, dialect: str) -> Motions:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from kinematics.files.mistaken import none_of
 from kinematics.running.given_texts import numbers
@@ -73,12 +73,16 @@ class TrackerOptions(UncertaintyOptions):
     """Uncertainties, positions and reach of a laser tracker."""
 
     tracker: tuple[str, ...] = option(
-        "Position of the laser tracker, mm, in the workpiece frame (with --stands-on bed: machine frame). Several are "
-        "stations of ncomp simulate, and candidates of ncomp plan optimised. Default: selected by ncomp.",
+        "Position of the laser tracker, or of a station that ranges, mm, in the workpiece frame (with --stands-on bed: "
+        "machine frame). Several are stations of ncomp simulate, and candidates of ncomp plan optimised. Default: "
+        "those of the plan, or selected by ncomp.",
         "x,y,z",
     )
     elevation: str | None = option("Range of the tracker's elevation, degrees: -59:79.", "low:high")
     incidence: float | None = option("Largest angle between beam and axis of the reflector, degrees.", "deg")
+    beam_mm: str | None = option(
+        "Shortest and longest distance from the instrument to a target, mm: 200:15000.", "low:high"
+    )
 
     @property
     def trackers(self) -> list[tuple[float, float, float]]:
@@ -94,10 +98,16 @@ class TrackerOptions(UncertaintyOptions):
         """The reach of the tracker; None without limits."""
         from calibration.observation.reach import Reach
 
-        if self.elevation is None:
-            return None if self.incidence is None else Reach(None, self.incidence)
-        low, high = numbers(self.elevation, 2, f"--elevation {self.elevation}", ":")
-        return Reach((low, high), self.incidence)
+        elevation = nearest = farthest = None
+        if self.elevation is not None:
+            low, high = numbers(self.elevation, 2, f"--elevation {self.elevation}", ":")
+            elevation = low, high
+        if self.beam_mm is not None:
+            nearest, farthest = numbers(self.beam_mm, 2, f"--beam-mm {self.beam_mm}", ":")
+            if not 0.0 <= nearest < farthest:
+                raise UserError(f"--beam-mm {self.beam_mm}: it must go from a shorter to a longer distance")
+        limits = Reach(elevation, self.incidence, farthest, nearest)
+        return None if limits == Reach() else limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,11 +116,10 @@ class InstrumentOptions(TrackerOptions):
 
     PANEL: ClassVar[str] = "Instrument"
 
-    instrument: str = option(
-        "Instrument: laser-tracker, interferometer, part (a measured workpiece), touch-probe, ballbar, level or "
-        "lengths (a ruler).",
+    instrument: str | None = option(
+        "Instrument: laser-tracker, ranging (ranges alone, from stations), interferometer, part (a measured "
+        "workpiece), touch-probe, ballbar, level or lengths (a ruler). Default: that of the plan, or laser-tracker.",
         "KIND",
-        default="laser-tracker",
     )
     error_motions: str | None = option(
         "Error motions of linear axes that an interferometer observes at each position, by their letters (X is E_X of "
@@ -129,10 +138,20 @@ class InstrumentOptions(TrackerOptions):
     distance: Distance
     noise_scale: float = option("Multiple of the uncertainties in the data; 0: no noise.", default=1.0, min=0.0)
 
+    def of_plan(self, planned: Instrument | None) -> Self:
+        """The options, where they leave the instrument open with that of a plan, or with a laser tracker."""
+        if self.instrument is not None:
+            return self
+        if planned is None:
+            return replace(self, instrument="laser-tracker")
+        own = tuple(f"{key}={getattr(planned, key)!r}" for key in planned.uncertainty_keys())
+        return replace(self, instrument=planned.kind(), uncertainty=self.uncertainty or own)
+
     def virtual_instrument(self, faults: Faults, temperatures: Mapping[str, tuple[float, float]]) -> VirtualInstrument:
         """The instrument, its stations and the faults of its data."""
         from calibration.simulation.measure_plan import VirtualInstrument
 
+        assert self.instrument is not None
         return VirtualInstrument(
             self.instrument_of(self.instrument, self.planar),
             self.trackers,
@@ -158,7 +177,7 @@ class InstrumentOptions(TrackerOptions):
         from calibration.instruments import KINDS
         from kinematics.effects import COMPONENTS
 
-        if self.error_motions is None:
+        if self.error_motions is None or self.instrument is None:
             return ()
         if not KINDS[self.instrument].CHOOSES_MOTIONS:
             raise UserError(f"--error-motions is no option of --instrument {self.instrument}: leave it out")

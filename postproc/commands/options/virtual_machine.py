@@ -11,7 +11,7 @@ import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import MODEL, option
 from postproc.commands.options.files import file_if_there
-from postproc.text.number_style import given_once
+from postproc.text.number_style import given_number, given_once
 
 if TYPE_CHECKING:
     from kinematics.effects import Effect
@@ -74,7 +74,7 @@ class VirtualMachineOptions:
     def courses(self) -> dict[str, tuple[float, float]]:
         """Start and end of temperatures by name, degC."""
         from calibration.measurement.states import PLAIN_NAME
-        from postproc.compensation.conditions import degrees
+        from kinematics.files.text_cells import checked_degrees
 
         found = []
         for text in self.temperature:
@@ -83,6 +83,6 @@ class VirtualMachineOptions:
             ends = course.split(":")
             if not PLAIN_NAME.fullmatch(name) or len(ends) != 2:
                 raise UserError(f"{where}: expected NAME=start:end, e.g. spindle=20:28.5")
-            start, end = (degrees(each, where) for each in ends)
+            start, end = (checked_degrees(given_number(each, where), where) for each in ends)
             found.append((name, (start, end)))
         return given_once(found, "--temperature ")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.program import ConditionsOptions, CorrectionOptions, DatumOptions, NoTravelCheck
-from postproc.commands.options.shared import CalibrationName, DaskAddress, OptionalMachine, ResultOptions
+from postproc.commands.options.recorded import RecordedOptions
+from postproc.commands.options.shared import CalibrationName, DaskAddress, OptionalMachine
 from postproc.commands.programs.given import GivenForAll, JobOption, own_in
 
 EPILOG = (
@@ -39,7 +40,7 @@ def batch(
     no_travel_check: NoTravelCheck,
     correction: CorrectionOptions,
     at: ConditionsOptions,
-    others: ResultOptions,
+    others: RecordedOptions,
 ) -> None:
     """Correct every program of a folder, each as `ncomp correct` does, over several processes or a Dask cluster.
 

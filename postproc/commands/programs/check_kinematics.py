@@ -43,7 +43,11 @@ class KinematicsOptions:
         "Kinematics in the CAM system or its post-processor, likewise.", "FILE", reads=True
     )
     calibration: str | None = option(
-        "Calibration: the measured lines are compared as well.", "CAL.json", reads=file_of_calibration, panel=MODEL
+        "Calibration: the measured lines are compared as well.",
+        "CAL.json",
+        "-c",
+        reads=file_of_calibration,
+        panel=MODEL,
     )
 
     @property
@@ -54,7 +58,11 @@ class KinematicsOptions:
     def compare(self, machine: str, program: str | None, others: ResultOptions) -> None:
         """Compare the kinematics; UserError together with a program, and without kinematics."""
         if program is not None:
-            raise UserError(f"{program}: kinematics are compared without a program: leave it out")
+            raise UserError(
+                f"{program}: the check of a program needs no calibration and no other kinematics: its lines are the "
+                "same for each of them. Leave out --calibration, --control-kinematics and --cam-kinematics; or leave "
+                "out the program, to compare the lines of the rotary axes"
+            )
         if not self.given:
             raise UserError("give a program; or --control-kinematics, --cam-kinematics or --calibration to compare")
         _compare(machine, self, others)

@@ -18,10 +18,10 @@ from postproc.commands.options.program import (
     NoTravelCheck,
     Programs,
 )
+from postproc.commands.options.recorded import RecordedOptions, program_entry
 from postproc.commands.options.shared import (
     CalibrationName,
     OptionalMachine,
-    ResultOptions,
     number_of_workers,
     whole_results,
 )
@@ -69,7 +69,7 @@ def correct(
     ),
     correction: CorrectionOptions,
     at: ConditionsOptions,
-    others: ResultOptions,
+    others: RecordedOptions,
 ) -> None:
     """Correct programs: every block ends at its nominal position, by the machine's error model.
 
@@ -96,7 +96,7 @@ def correct(
 def correct_one(
     program: str,
     request: Request,
-    others: ResultOptions,
+    others: RecordedOptions,
     *,
     output: str | None,
     in_place: bool = False,
@@ -104,20 +104,18 @@ def correct_one(
     own: OwnSetUp | None = None,
 ) -> None:
     """Correct one program into the file `output`, and show its report; own: its set-up in the entry of a job file."""
+    from machines.given import load_machine
     from postproc.commands.show.terminal import progress_of, show
     from postproc.correct.report import correction_report
     from postproc.folders.called import files_beside
 
-    target = target_of(program, output, in_place=in_place)
-    check_files(request.files, {"--output": target, **others.by_option})
-    check_files((program,), others.by_option)
-    if in_place:
-        allow_to_replace(target)
+    target = _checked_target(program, request, others, output, in_place=in_place)
     _, _, correction = request.for_program(Path(program), own)[0].prepared()
     source, beside = open_source(program), dict[Path, bytes]()
     with (
         progress_of(source.size, "correcting") as progress,
         backup_of(program, source.hash) if in_place else nullcontext(),
+        others.recorded(load_machine(request.machine)) as record,
         whole_results(*others.files, target, beside=beside) as (results, page, file),
     ):
         done = correction(
@@ -132,4 +130,17 @@ def correct_one(
         command = f"ncomp {program} --machine {request.machine} -o {target}"
         shown = correction_report(done.job, done.report, done.trace, command)
         others.write(done.report.json(), shown, (results, page), (*request.inputs, program))
+        record(program_entry(done.report.json(), None, () if in_place else (*request.inputs, program)))
     show(shown, "-")
+
+
+def _checked_target(
+    program: str, request: Request, others: RecordedOptions, output: str | None, *, in_place: bool
+) -> str:
+    """The file of the corrected program; UserError where it, or another result, would replace an input."""
+    target = target_of(program, output, in_place=in_place)
+    check_files(request.files, {"--output": target, **others.by_option})
+    check_files((program,), others.by_option)
+    if in_place:
+        allow_to_replace(target)
+    return target

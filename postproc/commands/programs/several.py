@@ -11,7 +11,8 @@ from kinematics.files import changed_since_read
 from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
 from postproc.commands.options.files import check_files
-from postproc.commands.options.shared import ResultOptions, number_of_workers, whole_results
+from postproc.commands.options.recorded import RecordedOptions, program_entry
+from postproc.commands.options.shared import number_of_workers, whole_results
 from postproc.folders.programs import FolderProgram
 from postproc.interface.request import Request
 
@@ -42,13 +43,14 @@ def listed_programs(inputs: Sequence[str], output: str | None, machine: str) -> 
 def correct_several(
     programs: Sequence[FolderProgram],
     request: Request,
-    others: ResultOptions,
+    others: RecordedOptions,
     *,
     jobs: int | None,
     dask: str | None,
     command: str,
 ) -> None:
     """Correct programs, each into its own file, show the summary, and exit with its status unless that is 0."""
+    from machines.given import load_machine
     from postproc.commands.show.terminal import progress_of, say, show
 
     number = number_of_workers(jobs, dask, "--jobs")
@@ -56,6 +58,7 @@ def correct_several(
     check_files((*files, *(each.path for each in programs)), others.by_option)
     inputs = (*request.inputs, *(each.path for each in programs))
     with (
+        others.recorded(load_machine(request.machine)) as record,
         whole_results(*others.files) as (results, page),
         progress_of(sum(each.size for each in programs), f"correcting {len(programs)} programs") as progress,
     ):
@@ -64,6 +67,9 @@ def correct_several(
             say("note", f"{path} was changed during the run: all programs are corrected by its content at the start")
         shown = summary.report(command)
         others.write(summary.json(), shown, (results, page), inputs)
+        for program, outcome in summary.outcomes.items():
+            if outcome.result:
+                record(program_entry(outcome.result, program.target, (*request.inputs, program.path)))
     show(shown, *others.files)
     if summary.status:
         sys.exit(summary.status)

@@ -65,7 +65,7 @@ def verify(
     from postproc.verification.report import verification_report
 
     programs_and_models = (program, corrected, calibration, options.old, options.align)
-    inputs = (*programs_and_models, *set_up.tool_table, at.log)
+    inputs = (*programs_and_models, *set_up.tool_table, at.log, at.log_columns)
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     setup, conditions = set_up.setup_of(program, found), at.conditions()

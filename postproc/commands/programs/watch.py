@@ -12,13 +12,15 @@ from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.program import ConditionsOptions, CorrectionOptions, DatumOptions, NoTravelCheck
 from postproc.commands.options.shared import CalibrationName, OptionalMachine
+from postproc.commands.programs.drifting import DriftLog, drifting
 from postproc.commands.programs.each_result import EachResults
 from postproc.commands.programs.given import GivenForAll, JobOption
 
 EPILOG = (
     "Examples:\n\n"
     "`ncomp watch posted corrected --machine dmu50`\n\n"
-    "`ncomp watch posted corrected --machine mill.toml --calibration cal.json --tool-table tools.tbl --settle 5`"
+    "`ncomp watch posted corrected --machine mill.toml --calibration cal.json --tool-table tools.tbl --settle 5`\n\n"
+    "`ncomp watch posted corrected --machine mill.toml --calibration cal.json --drift touches.csv`"
 )
 
 
@@ -37,6 +39,7 @@ def watch(
     machine: OptionalMachine,
     job: JobOption,
     calibration: CalibrationName,
+    drift: DriftLog,
     glob: tuple[str, ...] = option("Pattern of the programs' names instead of the usual suffixes.", "PATTERN"),
     settle: float = option(
         "Time, s, for which a file must not change before it counts as complete.", "s", default=2.0, min=0.1, max=600.0
@@ -60,18 +63,17 @@ def watch(
     source: Folder | JobFile
     if is_job_file(folder):
         given.refuse(f"is an entry of the job file {folder}")
-        if output is not None or job is not None or glob:
-            raise UserError(f"{folder} is a job file, which has its programs and outputs: give neither OUT nor --glob")
+        if output is not None or job is not None or glob or drift is not None:
+            raise UserError(f"{folder} is a job file: give neither OUT nor --glob nor --drift (--job does)")
         source = JobFile(folder)
     else:
         if output is None:
             raise UserError(
                 "watch: OUT is missing: folder of the corrected programs; 'ncomp watch --help' lists its options"
             )
-        source = Folder(folder, output, glob, partial(given.request, "watch", job), job)
-    watched = Watch(source, settle, _say, results)
+        source = Folder(folder, output, glob, drifting(drift, partial(given.request, "watch", job), _say), job)
     with suppress(SystemExit):  # of SIGTERM
-        watched.run(idle)
+        Watch(source, settle, _say, results).run(idle)
 
 
 def _say(text: str) -> None:

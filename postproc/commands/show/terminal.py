@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
@@ -33,6 +34,11 @@ class Level(msgspec.Struct):
 LEVEL = Level()
 NOTES: list[str] = []
 """Notes of the present command, which its page shows as well."""
+PROGRESS = "NCOMP_PROGRESS"
+"""Environment variable with a file, into which the present step is written for another program: its share, 0 to 1, or
+nothing where it is not known, a tabulator, and its name."""
+EVERY_S = 0.2
+"""Time, s, between two shares of a step in this file."""
 BAR = 20
 """Length of the bar of a share, characters."""
 
@@ -84,8 +90,13 @@ class Screen:
             self._status.update(text)
             yield self._status
             return
-        lines = LEVEL.verbose or LEVEL.quiet or not self.is_terminal
-        with nullcontext(Steps(self, text, shown=LEVEL.verbose)) if lines else _running(self.rich, text) as shown:
+        if PROGRESS in os.environ:
+            running: AbstractContextManager[Status] = nullcontext(Noted(Path(os.environ[PROGRESS]), text))
+        elif LEVEL.verbose or LEVEL.quiet or not self.is_terminal:
+            running = nullcontext(Steps(self, text, shown=LEVEL.verbose))
+        else:
+            running = _running(self.rich, text)
+        with running as shown:
             self._status = shown
             try:
                 yield shown
@@ -105,6 +116,22 @@ class Steps:
         if self._shown and text != self._last:
             self._screen.print(f"{time.perf_counter() - self._start:7.1f} s  {text}")
         self._last = text
+
+
+class Noted:
+    """The present step in a file."""
+
+    def __init__(self, file: Path, text: str) -> None:
+        self._file, self._last, self._written = file, "", 0.0
+        self.update(text)
+
+    def update(self, text: str, share: float | None = None, /) -> None:
+        """The next step, or its share."""
+        now = time.monotonic()
+        if text != self._last or now - self._written >= EVERY_S:
+            self._last, self._written = text, now
+            with suppress(OSError):
+                self._file.write_text(f"{'' if share is None else f'{share:.3f}'}\t{text}", encoding="utf-8")
 
 
 @contextmanager
@@ -147,8 +174,11 @@ LONG = 1_000_000
 
 @contextmanager
 def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
-    """A function to call with each amount done of a total; a bar on a terminal from `long` on, nothing in a pipe."""
-    if total < long or not console.is_terminal:
+    """A function to call with each amount done of a total; a bar on a terminal from `long` on.
+
+    Nothing in a pipe, unless another program asks for the progress.
+    """
+    if total < long or not (console.is_terminal or PROGRESS in os.environ):
         yield lambda _: None
         return
     with console.status(label) as status:

@@ -35,7 +35,7 @@ def job(
     Paths in the file are relative to its folder. A program that is refused does not stop the others: it is listed with
     file, line and reason, and the exit status is 2.
     """
-    from postproc.commands.options.shared import ResultOptions
+    from postproc.commands.options.recorded import RecordedOptions
     from postproc.commands.programs.correct import correct_one
     from postproc.commands.programs.several import correct_several
     from postproc.folders.programs import folders_for
@@ -45,7 +45,7 @@ def job(
     if check:
         _check(found)
         return
-    others = ResultOptions(**vars(found.results))
+    others = RecordedOptions(**vars(found.results), db=None)
     if len(found.programs) == 1 and dask is None:
         (program,) = found.programs
         with folders_for(found.programs):

@@ -15,13 +15,14 @@ from postproc.control_data.formats import (
     heidenhain_com,
     heidenhain_transformations,
     isg_compensation,
-    klipper_and_reprap,
     linuxcnc_comp,
     linuxcnc_kinematics,
+    linuxcnc_matrix,
     mitsubishi_pitch,
     siemens_eec_cec,
     siemens_trafo5_tcarr,
 )
+from postproc.control_data.formats.firmware import grbl, klipper_and_reprap, marlin
 
 Kind = TypeVar("Kind", bound=Format)
 
@@ -41,6 +42,10 @@ FORMATS: dict[str, Format] = {
         mitsubishi_pitch.FORMAT,
         klipper_and_reprap.KLIPPER,
         klipper_and_reprap.REPRAP,
+        marlin.FORMAT,
+        grbl.FORMAT,
+        linuxcnc_matrix.MATRIX,
+        linuxcnc_matrix.CALIBRATED,
         error_motions_csv.FORMAT,
         linuxcnc_kinematics.FORMAT,
         siemens_trafo5_tcarr.TRAFO5,

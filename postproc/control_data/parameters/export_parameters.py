@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from kinematics.effects import Effect
+from kinematics.error_model.joined import joined
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import uncertainty
 from kinematics.machine import Machine
@@ -24,7 +25,7 @@ from postproc.control_data.parameters.line_errors import errors_of_lines
 from postproc.control_data.parameters.parameter_numbers import Number, signed
 from postproc.control_data.parameters.rotary_lines import Freedom, moved_lines, positions_with
 from postproc.control_data.remaining_error import summary, volume_points
-from postproc.control_data.tables.table_model import joined
+from postproc.control_data.tables.export_tables import NothingToHold
 from postproc.control_data.tables.target import Target, positional
 
 if TYPE_CHECKING:
@@ -142,21 +143,30 @@ class ExportedParameters(ExportedData):
             "after_parameters": left(lines(points.q)),
             "after_parameters_and_datum_shift": left(lines(points.q, self.best.frame)),
         }
-        tables = self._tables(model)
+        with_tables = "after_parameters_datum_shift_and_tables"
+        try:
+            tables = self._tables(model)
+        except NothingToHold:
+            tables, found[with_tables] = None, found["after_parameters_and_datum_shift"]
         if tables is not None:
             shift = np.array([tables.datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale
             commands = lines(points.q, self.best.frame)
-            found["after_parameters_datum_shift_and_tables"] = left(tables.moves(commands, points.approach) + shift)
+            found[with_tables] = left(tables.moves(commands, points.approach) + shift)
         found["after_nc_correction"] = left(points.corrected(machine, model))
         found["after_parameters_and_nc_correction_of_the_rest"] = left(lines(points.corrected(machine, rest)))
         return found
 
     def _tables(self, model: ErrorModel) -> Exported | None:
-        """The tables of the same control for the errors that lines and work offset leave; None where it has none."""
+        """The tables of the same control for the errors that lines and work offset leave; None where it has none.
+
+        NothingToHold where they hold none of these errors.
+        """
         rest = joined(model, errors_of_lines(self.machine, self.moved, self.best.frame), -1.0)
         form, tool = self.format.tables, tuple(self.tool.tolist())
         try:
             return form.export(self.machine, rest, form.settings(), "correction", tool)
+        except NothingToHold:
+            raise
         except UserError:
             return None
 

@@ -23,6 +23,8 @@ SIGNS = {
     "fanuc-kinematics": re.compile(r"\b1970[0-9]\b"),
 }
 """What shows the format of a file, with the settings that its names contain."""
+BEFORE = "_before."
+"""What ncomp export adds to the name of a file with the values before."""
 CONVENTIONAL = re.compile(r"conventional-directions\s*=?\s*(1|true|yes)\b", re.IGNORECASE)
 """LinuxCNC: the pin by which the axes turn by ISO 841."""
 
@@ -38,6 +40,11 @@ def stated_lines(machine: Machine, paths: Sequence[Path]) -> Machine:
     if any(path.suffix.lower() == ".toml" for path in paths):
         return _of_machine_file(machine, paths)
     texts, _ = texts_in(paths)
+    if both := [before for before in texts if before != (after := before.replace(BEFORE, ".")) and after in texts]:
+        raise UserError(
+            f"{name} has the values before an export and those of the export, {both[0]} and "
+            f"{both[0].replace(BEFORE, '.')}: give the file whose values are in the control"
+        )
     found = {key: match for key, sign in SIGNS.items() for text in texts.values() if (match := sign.search(text))}
     if not found:
         raise UserError(
@@ -70,7 +77,7 @@ def _read(machine: Machine, key: str, texts: Mapping[str, str], settings: Sequen
     from postproc.control_data.formats import find_format
 
     form = find_format(key, ParameterFormat)
-    texts = {name.replace("_before.", "."): text for name, text in texts.items()}  # as ncomp export names the old ones
+    texts = {name.replace(BEFORE, "."): text for name, text in texts.items()}
     rotary = [axis.name for axis in machine.axes if axis.rotary]
     fault: UserError | None = None
     choices = itertools.product((False, True), repeat=len(rotary))

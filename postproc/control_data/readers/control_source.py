@@ -79,6 +79,12 @@ class Source:
                     f"{x:g} and {y:g}: the axis would go back while its command goes on; check the unit of the values"
                 )
 
+    def line(self, axis: str, of: str, slope: float, zero: float = 0.0) -> ControlTable:
+        """Correction in proportion to a position, from `zero` on, over thrice its travel: it goes on outside."""
+        low, high = self.machine.axes[self.machine.index(of)].travel
+        ends = (2 * low - high, 2 * high - low)
+        return self.table(axis, (of,), (ends,), [slope * (end - zero) for end in ends])
+
     def motion(self, component: str, axis: str, nodes: Sequence[float], values: Sequence[float]) -> ErrorMotion:
         """An error motion, linear between nodes; values in um or urad."""
         self.machine.index(axis)

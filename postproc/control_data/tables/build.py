@@ -30,6 +30,8 @@ WORTH = 1e-4
 """mm RMS: a product or surface with a smaller effect is left out."""
 BALANCE = 2048
 """Positions in the volume over which the mean of the remaining error is made 0."""
+CHORDS = 32
+"""Straight parts over the travel that stand for a bow: they leave 1/1000 of it."""
 FACTOR = 1e-6
 """Resolution of the dimensionless factor of a product, which is 1 at most."""
 
@@ -178,6 +180,7 @@ class _Writer:
 
     def __init__(self, target: Target, limits: Limits) -> None:
         self._target, self._limits = target, limits
+        self._no_constant = limits.zero_at_home or limits.through_zero
         self.terms: list[Term] = []
         self.datum: dict[str, float] = {}
 
@@ -199,6 +202,10 @@ class _Writer:
                 few = f"{limits.points} points are too few for {turns} turns"
                 raise UserError(f"axis {source.name}: {few}; expected at least {8 * turns + 1}")
             limits = replace(limits, points=(limits.points - 1) // turns + 1)
+        if limits.degree is not None:
+            for part, own in together:
+                self._table(part, *_polynomial(x, own, limits, source.home), limits, closing=False)
+            return
         curves = np.concatenate([curves for _, curves in together], axis=1)
         nodes = choose_nodes(x, curves, limits, source.home, closing=closing)
         for part, own in together:
@@ -210,11 +217,7 @@ class _Writer:
             values[[0, -1]] = values[[0, -1]].mean(axis=0)
             if limits.turns:
                 nodes, values = written_out(nodes, values, turns_of(source, nodes[0], limits.turns))
-        if limits.through_origin:
-            slope = (values[-1] - values[0]) / (nodes[-1] - nodes[0])
-            nodes = np.array([2 * nodes[0] - nodes[-1], 2 * nodes[-1] - nodes[0]])  # it goes on straight
-            values = np.outer(nodes, slope)
-        elif limits.zero_at_home:
+        if limits.zero_at_home and limits.degree is None:
             values = values - float(np.interp(source.home, nodes, values[:, 0]))
         rounded = to_steps(values, limits.resolution)
         for direction, column in zip((1, -1) if values.shape[1] == 2 else (0,), rounded.T, strict=True):
@@ -230,7 +233,7 @@ class _Writer:
         left = (required - added(self.terms, machine, q)).mean(axis=0) / machine.scale
         for k, term in enumerate(self.terms):
             curve = term.factors[0]
-            if term.inputs == (term.output,) and isinstance(curve, Curve) and not self._limits.zero_at_home:
+            if term.inputs == (term.output,) and isinstance(curve, Curve) and not self._no_constant:
                 step = steps[term.output]
                 shift = np.round(left[machine.index(term.output)] / step) * step
                 values = np.round(curve.values + shift, 12)
@@ -263,7 +266,28 @@ class _Writer:
         self.terms.append(Term(axes[part.output].name, tuple(factors)))
 
     def surface(self, part: _Part) -> None:
-        """A table of two axes, with equidistant nodes on both."""
+        """A table of two axes."""
+        axes = [self._target.machine.axes[k] for k in part.sources]
+        output = self._target.machine.axes[part.output]
+        mesh = self._limits.mesh
+        nodes = [np.array(mesh[axis.name]) for axis in axes] if mesh else self._equidistant_on_both(part)
+        x, y = part.positions
+        inside = [(p >= n[0] - 1e-9) & (p <= n[-1] + 1e-9) for p, n in zip((x, y), nodes, strict=True)]
+        for axis, each in zip(axes, inside, strict=True):
+            if each.sum() < 2:
+                raise UserError(f"the points of the mesh along {axis.name} are outside its travel")
+        values = fitted(x[inside[0]], part.values[np.ix_(*inside)], nodes[0])
+        values = fitted(y[inside[1]], values.T, nodes[1]).T
+        if axes[0].turns_fully:
+            values[[0, -1]] = values[[0, -1]].mean(axis=0)
+        if axes[1].turns_fully:
+            values[:, [0, -1]] = values[:, [0, -1]].mean(axis=1, keepdims=True)
+        rounded = to_steps(values, self._limits.of(output, output).resolution)
+        surface = Surface((axes[0].name, axes[1].name), (nodes[0], nodes[1]), rounded)
+        self.terms.append(Term(output.name, (surface,)))
+
+    def _equidistant_on_both(self, part: _Part) -> list[Array]:
+        """Nodes `(k,)` over each of the two axes of a part, from the first position on."""
         axes = [self._target.machine.axes[k] for k in part.sources]
         output = self._target.machine.axes[part.output]
         bounds = [self._target.bounds[k] for k in part.sources]
@@ -273,16 +297,7 @@ class _Writer:
         apart = [max(apart)] * 2 if self._limits.square else apart
         steps = [int(np.ceil(np.ptp(b) / a - 1e-9)) for b, a in zip(bounds, apart, strict=True)]
         nodes = [b[0] + a * np.arange(k + 1) for b, a, k in zip(bounds, apart, steps, strict=True)]
-        nodes = [positions.round(9) for positions in nodes]
-        values = fitted(part.positions[0], part.values, nodes[0])
-        values = fitted(part.positions[1], values.T, nodes[1]).T
-        if axes[0].turns_fully:
-            values[[0, -1]] = values[[0, -1]].mean(axis=0)
-        if axes[1].turns_fully:
-            values[:, [0, -1]] = values[:, [0, -1]].mean(axis=1, keepdims=True)
-        rounded = to_steps(values, self._limits.of(output, output).resolution)
-        surface = Surface((axes[0].name, axes[1].name), (nodes[0], nodes[1]), rounded)
-        self.terms.append(Term(output.name, (surface,)))
+        return [positions.round(9) for positions in nodes]
 
     def _means_of_products(self, part: _Part) -> Array:
         """Mean contributions `(m,)` of products to the same output, along the axis of a part of one axis."""
@@ -300,6 +315,19 @@ class _Writer:
                 here = here * (_along(factor, part.positions[0]) if axis == source else mean)
             total += here if part.output == part.sources[0] else here - here.mean()
         return total
+
+
+def _polynomial(x: Array, curves: Array, limits: Limits, home: float) -> tuple[Array, Array]:
+    """Nodes over thrice the positions x `(m,)`, since it goes on outside, and values of the polynomial nearest to
+    curves `(m, c)` in least squares.
+    """
+    assert limits.degree is not None
+    zero = home if limits.zero_at_home else 0.0
+    coefficients = np.polynomial.polynomial.polyfit(x - zero, curves, limits.degree)
+    if limits.through_zero:
+        coefficients[0] = 0.0
+    nodes = np.linspace(2 * x[0] - x[-1], 2 * x[-1] - x[0], 2 if limits.degree == 1 else 3 * CHORDS + 1)
+    return nodes, np.asarray(np.polynomial.polynomial.polyval(nodes - zero, coefficients).T, float)
 
 
 def turns_of(axis: Axis, start: float, turns: int) -> range:

@@ -8,6 +8,7 @@ from typing import Any
 
 from kinematics.machine import TURN, Axis, Machine
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.control.codes import UNIT_NAMES
 from postproc.control_data.format import Sign
 from postproc.control_data.tables.motion_tables import MotionTable
@@ -66,6 +67,25 @@ def own_tables(content: Content) -> Iterator[tuple[Axis, Own]]:
         forward, backward = curves.get(0, curves.get(1)), curves.get(0, curves.get(-1))
         if isinstance(forward, Curve) and isinstance(backward, Curve):
             yield axis, Own(forward.nodes, forward.values, backward.values)
+
+
+def curves_by_letters(content: Content) -> dict[str, Curve]:
+    """The tables of one axis by the letters of output and source, of a control that has one axis of each letter.
+
+    UserError where two axes of the machine have tables and one letter.
+    """
+    found: dict[str, Curve] = {}
+    for term in content.terms:
+        curve = term.factors[0]
+        if not isinstance(curve, Curve):
+            continue
+        letters = term.output[0] + curve.axis[0]
+        if letters in found:
+            raise UserError(
+                f"machine {content.machine.name}: two of its axes are {' or '.join(letters)}, and the control has one"
+            )
+        found[letters] = curve
+    return found
 
 
 def lettered(machine: Machine) -> list[Axis]:

@@ -62,7 +62,7 @@ CONTROL_PARAMETERS: Mapping[str, Mapping[str, str]] = {
         "rotary": "rotary axis configuration parameters [common]",
     },
     "firmware": {
-        "backlash": "M425 on Marlin; none on Klipper and RepRapFirmware [common]",
+        "backlash": "M425 on Marlin and on newer RepRapFirmware; none on Klipper and grbl [common]",
         "growth": "none",
         "rotary": "none",
     },

@@ -16,6 +16,7 @@ from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from postproc.compensation.correction import PoseErrors
 from postproc.control_data.exported import ExportedData, Listing, Page, Unrepresented
 from postproc.control_data.format import Settings, Sign, in_words
 from postproc.control_data.remaining_error import EvaluationPoints, Move, stages, summary, volume_points
@@ -56,6 +57,10 @@ class TableRow(NamedTuple):
     largest: str
 
 
+class NothingToHold(UserError):
+    """A format of tables can hold no error of a calibration."""
+
+
 @dataclass(frozen=True, repr=False)
 class Exported(ExportedData):
     """Tables of one control."""
@@ -94,9 +99,13 @@ class Exported(ExportedData):
         terms = None if self.format.capabilities is None else self.content.terms
         return [*not_representable(self.target, self.whole, terms), *short_waves(self.target, points)]
 
+    @cached_property
+    def _in_the_volume(self) -> dict[str, PoseErrors]:
+        return stages(self.target, self.moves, self.taken, self.datum, volume_points(self.target))
+
     def errors_in_the_volume(self) -> dict[str, Any]:
         """By stage."""
-        return self.errors_at(volume_points(self.target))
+        return summary(self._in_the_volume)
 
     def errors_at(self, points: EvaluationPoints) -> dict[str, Any]:
         """By stage."""
@@ -133,11 +142,18 @@ class Exported(ExportedData):
             shift=shift,
             notices=[*([f"**{shift}.**"] if shift else []), *self.unit_notes],
             meanings=[f"Values are {meant}: {self.origin}.", in_words(self.format.meaning, self.unit)],
-            listings=self._listings(),
+            listings=[self._along_axes(stage), *self._listings()],
             fields=[Field("without tables", self.whole), Field("left by the tables", self.rest)],
             decimals=3,
             closing=[f"- the orientation of the tool: RMS {volume['tool_axis_urad']['after_tables']['rms']:.2f} urad"],
         )
+
+    def _along_axes(self, stage: str) -> Listing:
+        """The error before, and at a stage, in X, Y and Z."""
+        apart = [(STAGES[each], self._in_the_volume[each].apart) for each in ("before", stage)]
+        rows = [(name, *(f"{um:.2f}" for um in 1e3 * np.sqrt(np.mean(each**2, axis=0)))) for name, each in apart]
+        text = "Tool point error over the working volume in the coordinates of the workpiece, um RMS."
+        return Listing("Errors along X, Y and Z", ("errors of the machine", "X", "Y", "Z"), rows, text, text)
 
     def _listings(self) -> list[Listing]:
         head = ("table", "points", "from", "to", "largest value")
@@ -201,6 +217,11 @@ def export(
         target = Target(machine, part, tip, rotary)
         built = build(target, capabilities, limits, form.name)
         content, datum = Content(machine, settings, sign, terms=built.terms), built.datum
+        if not content.terms:
+            raise NothingToHold(
+                f"{form.title} can hold nothing of this calibration ({', '.join(each.name for each in part.effects)}): "
+                "choose another format, or correct programs instead"
+            )
     exported = Exported(form, machine, settings, sign, tip, model, content, replace(target, model=whole), datum)
     _ = exported.files  # UserError for tables that the format cannot hold
     return exported

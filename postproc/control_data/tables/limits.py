@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,10 +38,14 @@ class Limits:
     """Most axes that one axis has tables for, besides its own."""
     surfaces_per_output: int | None = None
     """Most surfaces that add to one axis."""
-    through_origin: bool = False
-    """True when a table is a straight line through position 0."""
+    degree: int | None = None
+    """Degree of the polynomial that a table is; None for a table that is linear between nodes."""
+    through_zero: bool = False
+    """True when this polynomial is 0 at position 0, or at the reference position where `zero_at_home`."""
     grid: int | None = None
     """Most nodes of a surface along either axis."""
+    mesh: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Nodes of a surface by its axes, where the control has them already."""
     square: bool = False
     """True when the nodes of a surface are as far apart along both axes."""
     tables: int | None = None

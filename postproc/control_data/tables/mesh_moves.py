@@ -2,8 +2,8 @@
 
 Klipper looks at the mesh along a move in steps of `move_check_distance`, and splits the move where the height has
 changed by `split_delta_z` since the last split (`klippy/extras/bed_mesh.py`, class MoveSplitter). RepRapFirmware
-divides a move into equal parts, about as many as there are meshes along it (`Grid.cpp`, GetMinimumSegments). Each part
-is straight.
+divides a move into equal parts, about as many as there are meshes along it (`Grid.cpp`, GetMinimumSegments). Marlin
+divides it where it crosses the lines of the mesh (`bbl.cpp`, line_to_destination). Each part is straight.
 """
 
 from __future__ import annotations
@@ -63,6 +63,20 @@ class Segments:
         meshes = [abs(end[k] - start[k]) / (nodes[axis][1] - nodes[axis][0]) for k, axis in enumerate("XY")]
         count = max(1, *(int(number + 0.4) for number in meshes))
         return np.linspace(0.0, float(np.linalg.norm(end - start)), count + 1)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Marlin's rule."""
+
+    def ends(self, mesh: Surface, start: Array, end: Array) -> Array:
+        """See `Parts.ends`."""
+        shares = [0.0, 1.0]
+        for axis, nodes in zip(mesh.axes, mesh.nodes, strict=True):
+            k = "XY".index(axis)
+            if end[k] != start[k]:
+                shares += ((nodes - start[k]) / (end[k] - start[k])).tolist()
+        return np.unique(np.clip(shares, 0.0, 1.0)) * float(np.linalg.norm(end - start))
 
 
 DEFAULT = Splitting(0.025, 5.0)

@@ -1,16 +1,14 @@
-"""Tables as an error model: the errors that they correct, and models joined with them."""
+"""The errors that tables correct, as effects."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, cast
 
-import msgspec
 import numpy as np
 
 from kinematics.effects import ControlTable, Effect
 from kinematics.effects.base import unit_of
-from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.control_data.tables.terms import Curve, Surface, Term
@@ -36,15 +34,3 @@ def _table(term: Term) -> tuple[tuple[tuple[float, ...], ...], Array]:
     second = cast(Curve, others[0])
     nodes = (tuple(first.nodes.tolist()), tuple(second.nodes.tolist()))
     return nodes, np.outer(first.values, second.values)
-
-
-def joined(model: ErrorModel, effects: Sequence[Effect], sign: float) -> ErrorModel:
-    """A model and `sign` times further effects, which are known exactly."""
-    scaled = [effect.with_parameters([sign * p for p in effect.parameters], effect.u) for effect in effects]
-    covariance = model.covariance
-    if covariance is not None:
-        old, new = len(model.parameters), sum(len(effect.parameters) for effect in effects)
-        square = np.zeros((old + new, old + new))
-        square[:old, :old] = covariance
-        covariance = tuple(map(tuple, square.tolist()))
-    return msgspec.structs.replace(model, effects=(*model.effects, *scaled), covariance=covariance)

@@ -43,8 +43,10 @@ def probe(machine: Machine, axis_name: str, form: TableFormat, settings: Setting
         content = Content(machine, settings, "error", motions=(table,))
     else:
         capabilities = form.capabilities(settings)
-        if axis.name[0] not in capabilities.outputs or (
-            not capabilities.own and (form.sign is not None or axis.rotary)
+        if (
+            axis.name[0] not in capabilities.outputs
+            or limits.degree is not None
+            or (not capabilities.own and (form.sign is not None or axis.rotary))
         ):
             raise UserError(f"--probe {axis.name}: {form.name} has no table that shows the sign of {axis.name}")
         if not capabilities.own:

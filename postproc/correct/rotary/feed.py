@@ -14,7 +14,7 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.correct.obstacles import Asked, Change, reasons
-from postproc.correct.rotary.feed_in_force import Feed, feeds_in_force
+from postproc.correct.rotary.feed_in_force import Feed, FeedsInForce
 from postproc.dialects import Dialect
 from postproc.evaluation.evaluation import ROTARY_ONLY
 from postproc.motion.motions import Motions
@@ -41,7 +41,7 @@ class RotaryFeeds:
         """The moves of a chunk, with those that are corrected in `paced`; `repeated`: blocks may run several times."""
         if self._how == "leave":
             return motions
-        feeds = feeds_in_force(motions.blocks, self._feed)
+        feeds = FeedsInForce(motions.blocks, self._feed)
         klartext = self._dialect == "heidenhain"
         asked = Asked(motions, feeds=feeds, paced_form=self._form, klartext=klartext, repeated=repeated)
         rows, paced = np.flatnonzero(motions.rotary_only).tolist(), {}

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+import bisect
+from collections.abc import Sequence
+from typing import NamedTuple, overload
+
+import numpy as np
 
 from postproc.control.codes import DWELL
 from postproc.siemens.codes import FEED_MODES
@@ -28,15 +31,46 @@ class Feed(NamedTuple):
     """Siemens: FGROUP has chosen the axes whose path F is for."""
 
 
-def feeds_in_force(blocks: Blocks, before: Feed) -> list[Feed]:
-    """The feed in force in each block; `before`: that before the first one."""
-    return list(_followed(blocks, before))
+class FeedsInForce(Sequence[Feed]):
+    """The feed in force in each block."""
+
+    def __init__(self, blocks: Blocks, before: Feed) -> None:
+        """`before`: the feed before the first block."""
+        self.values = np.empty(len(blocks))
+        """Numbers of the last F `(blocks,)`; nan where it is not known."""
+        self._others: dict[int, Feed] = {}
+        """The feed behind each part of the blocks, or each block that is no plain line, by its index."""
+        feed = before
+        for part, first in zip(blocks.parts, blocks.firsts, strict=False):
+            if isinstance(part, list):
+                for index, block in enumerate(part, start=first):
+                    self._others[index] = feed = _after(block, feed)
+                    self.values[index] = np.nan if feed.value is None else feed.value
+                continue
+            last = np.maximum.accumulate(np.where(np.isfinite(part.feeds), np.arange(len(part)), -1))
+            held = np.nan if feed.value is None else feed.value
+            self.values[first : first + len(part)] = np.where(last >= 0, part.feeds[last], held)
+            self._others[first] = feed
+            feed = feed._replace(value=_known(float(self.values[first + len(part) - 1])))
+        self._indices = sorted(self._others)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @overload
+    def __getitem__(self, index: int) -> Feed: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Feed]: ...
+    def __getitem__(self, index: int | slice) -> Feed | list[Feed]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        index = range(len(self))[index]
+        other = self._others[self._indices[bisect.bisect_right(self._indices, index) - 1]]
+        return other._replace(value=_known(float(self.values[index])))
 
 
-def _followed(blocks: Blocks, feed: Feed) -> Iterator[Feed]:
-    for block in blocks:
-        feed = _after(block, feed)
-        yield feed
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else value
 
 
 def _after(block: Block, feed: Feed) -> Feed:

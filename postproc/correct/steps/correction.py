@@ -18,12 +18,13 @@ from postproc.correct.job import Job
 from postproc.correct.rotary.feed import RotaryFeeds
 from postproc.correct.rotary.moves import uncorrected_before_rotary_moves
 from postproc.correct.splitting import Splitter
+from postproc.correct.steps.splines import check_splines
 from postproc.evaluation.evaluation import ErrorsBefore, WrittenMoves
 from postproc.execution import Part
 from postproc.motion.motions import Motions
 from postproc.motion.reversals import axes_with_backlash
 from postproc.text.notes import Notes
-from postproc.write.writer import Written
+from postproc.write.editors import Written
 
 if TYPE_CHECKING:
     from postproc.correct.backlash.take_ups import BacklashTakeUps
@@ -103,6 +104,7 @@ class PartCorrection:
         splitter = self._splitter
         motions = self._rotary_feeds.prepare(part.motions, repeated=part.indices is not None)
         outside = self.outside.blocks(motions)
+        check_splines(motions, self._models.pair, self._job.conditions, self._job.tolerance_um, outside)
         motions = splitter.prepare(motions, part.varied, outside)
         approach = None
         if self._take_ups is not None:

@@ -46,14 +46,16 @@ class Output:
             out.write(numbers.renumbered(block, text).encode(ENCODING))
         return changed
 
-    def finish(self, state: ControlState, accepted: dict[str, str], out: BinaryIO) -> None:
-        """Write the program to `out`, with its mark.
+    def finish(self, state: ControlState, accepted: dict[str, str], out: BinaryIO) -> str:
+        """Write the program to `out`, with its mark; returns the line of the mark, empty without one.
 
         state: of the control at the end; accepted: implausible conditions that were met.
         """
         job = self._job
         mark = mark_of(job.model, state)
-        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted, CONVERTED[job.tcp]), out)
+        line = mark_line(job.dialect, job.machine, mark, job.source, accepted, CONVERTED[job.tcp])
+        self._lines.finish(line, out)
+        return line.strip() if self._lines.has_room else ""
 
     def finish_called(
         self, state: ControlState, accepted: dict[str, str], out: BinaryIO, caller: Source, *, changed: bool

@@ -8,6 +8,7 @@ From there on the moves are corrected, checked and written as those of any progr
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import msgspec
@@ -15,17 +16,20 @@ import numpy as np
 
 from kinematics.machine import TURN, NDArrayBool
 from kinematics.user_error import UserError
+from postproc.control.channel import LEANS
 from postproc.control.tool_table import shown_tool
 from postproc.correct.job import Job
 from postproc.correct.obstacles import Asked, Change, reasons, turns_unknown
-from postproc.correct.rotary.feed_in_force import Feed, feeds_in_force
+from postproc.correct.rotary.feed_in_force import Feed, FeedsInForce
 from postproc.correct.splitting import with_round_angles
+from postproc.correct.tcp.arcs import bends, bent_arcs, straightened, write_straight
 from postproc.correct.tcp.feed import Feeds
 from postproc.correct.tcp.known import known_in_other
-from postproc.correct.tcp.path import cuts_within, shifts_only, turns, with_frames
+from postproc.correct.tcp.path import cuts_within, turns, with_frames
 from postproc.correct.tcp.singular import note_singular
 from postproc.correct.tcp.switches import SwitchedOn, spell_vector, switch_off
 from postproc.execution import Part
+from postproc.motion.frames import drills_along
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known, Paced
 from postproc.motion.segments import split
@@ -40,6 +44,10 @@ SHARE = 0.5
 RAPID_MM = 0.1
 """Largest deviation of a rapid from its path under TCP."""
 PATHS = (Kind.RAPID, Kind.LINE, Kind.ARC)
+POSITIONED = (*PATHS, Kind.CYCLE)
+"""Kinds of moves that get the other coordinates."""
+HALF_TURN = TURN / 2.0 - 1e-3
+"""Degrees: a rotary axis that turns by less has one way only."""
 STANDS_MM = 1e-7
 """An axis that moves by less stands still."""
 NOTHING = {
@@ -47,15 +55,11 @@ NOTHING = {
     "to-tcp": "--tcp to-tcp: no move of the program can be one of the tool point: nothing to convert",
 }
 REFUSED = {
-    "cycles": "a canned cycle under TCP is not converted: write its moves",
     "polars": "polar coordinates under TCP are not converted: write X Y Z",
     "cutter_compensated": "radius compensation under TCP is not converted: let the CAM system compensate the radius",
+    "splines": "a spline is not converted, because its curve would be another one: write G1",
 }
 """Entries of Motions by row that no conversion has, with the reason."""
-ARC = (
-    "the arc would not lie in a plane of the axes, or rotary axes move along it: write it in straight lines (an option "
-    "of the CAM system)"
-)
 
 
 class Conversion:
@@ -85,19 +89,25 @@ class Conversion:
         """The moves of a part in the other coordinates; Refusal for one that cannot be converted."""
         rewrite = Rewrite()
         motions = part.motions
-        motions = replace(motions, timed=motions.timed & (motions.kind != Kind.RAPID))  # a rapid has no F under G93
-        feeds = feeds_in_force(motions.blocks, self._feed)
+        timed = motions.timed & (motions.kind != Kind.RAPID)  # a rapid has no F under G93
+        motions = replace(motions, timed=timed)
+        feeds = FeedsInForce(motions.blocks, self._feed)
         self._feed = feeds[-1] if feeds else self._feed
         rows = self._rows(motions, rewrite)
         motions = self._spelled(motions, rows, rewrite)
         self._refuse(motions, rows)
         moved = rows & np.isin(motions.kind, PATHS)
-        self.moves += int(moved.sum())
+        self.moves += int((rows & np.isin(motions.kind, POSITIONED)).sum())
         self._singular = note_singular(motions, np.flatnonzero(moved), self._notes, self._singular)
         paced = self._feeds.of_part(motions, moved, feeds, rewrite)
-        cut = with_round_angles(split(motions, self._cuts(motions, moved, part.varied, rewrite)))
+        bent = np.isin(np.arange(len(motions)), bent_arcs(motions, rows))
+        for row in np.flatnonzero(bent).tolist():
+            index = int(motions.block[row])
+            write_straight(index, motions.blocks[index], motions.arcs[row], rewrite)
+        cut = split(motions, self._cuts(motions, moved, bent, part.varied, rewrite))
         origin = np.cumsum(~cut.added) - 1
         rows = rows[origin]
+        cut = with_round_angles(straightened(cut, bent[origin]))
         pieces = _timed(cut, origin, paced | _programmed_times(motions, cut, feeds))
         known, known_start = known_in_other(cut, rows)
         converted = replace(with_frames(cut, rows), known=known, known_start=known_start, paced=pieces)
@@ -121,26 +131,29 @@ class Conversion:
         """The rows that get the other coordinates; the words that switch TCP are rewritten."""
         blocks = motions.blocks
         if self._to_axes:
-            for index, block in enumerate(blocks):
+            for index, block in blocks.numbered:
                 switch_off(self._job.dialect, index, block, rewrite)
             return np.array(motions.tcp)
         kinds: dict[int, list[Kind]] = {}
-        for index, kind in zip(motions.block.tolist(), motions.kind.tolist(), strict=True):
+        singly = blocks.in_lists[motions.block]
+        for index, kind in zip(motions.block[singly].tolist(), motions.kind[singly].tolist(), strict=True):
             kinds.setdefault(index, []).append(Kind(kind))
         known = (motions.known_start == Known.PROGRAM).all(axis=1) & (motions.known == Known.PROGRAM).all(axis=1)
         feed = known & ((motions.kind == Kind.LINE) | (motions.kind == Kind.ARC))
-        ready = set(motions.block[feed].tolist())
-        inside = set(self._switched.follow(blocks, kinds, ready, rewrite))
-        return np.isin(motions.block, sorted(inside))
+        inside = self._switched.follow(blocks, kinds, np.isin(np.arange(len(blocks)), motions.block[feed]), rewrite)
+        return np.asarray(inside[motions.block])
 
     def _spelled(self, motions: Motions, rows: NDArrayBool, rewrite: Rewrite) -> Motions:
         """Tool vectors as positions of the rotary axes, rounded as they are written."""
         rotary = np.flatnonzero(self._machine.rotary).tolist()
         some = [
             row
-            for row in np.flatnonzero(rows).tolist()
-            if (index := int(motions.block[row])) in rewrite.spelled
-            or spell_vector(self._job.dialect, index, motions.blocks[index], rewrite)
+            for row in np.flatnonzero(rows & motions.blocks.in_lists[motions.block]).tolist()
+            if row not in motions.arcs
+            and (
+                (index := int(motions.block[row])) in rewrite.spelled
+                or spell_vector(self._job.dialect, index, motions.blocks[index], rewrite)
+            )
         ]
         if not some and not self._turned:
             return motions
@@ -167,7 +180,10 @@ class Conversion:
 
     def _refuse(self, motions: Motions, rows: NDArrayBool) -> None:
         """Refusal for a move that has no form in the other coordinates."""
-        for row in np.flatnonzero(rows).tolist():
+        turned = np.array([frame.turn is not None for frame in motions.frames], bool)[motions.frame]
+        suspect = turned | ~np.isin(motions.kind, (*PATHS, Kind.MACHINE)) | (turns(motions) > HALF_TURN).any(axis=1)
+        suspect[[row for name in REFUSED for row in getattr(motions, name)]] = True
+        for row in np.flatnonzero(rows & suspect).tolist():
             block = motions.blocks[int(motions.block[row])]
             for name, reason in REFUSED.items():
                 if row in getattr(motions, name):
@@ -177,30 +193,41 @@ class Conversion:
                 raise block.refuse(
                     "rotated, mirrored or scaled coordinates, or a tilted plane, are not converted: end them before TCP"
                 )
-            if motions.kind[row] not in (*PATHS, Kind.MACHINE):
+            if motions.kind[row] not in (*POSITIONED, Kind.MACHINE):
                 raise block.refuse("this block under TCP is not converted: write its moves in X Y Z")
+            if row in motions.cycles:
+                self._check_cycle(motions, row, block)
             if (unknown := turns_unknown(motions, row)) and motions.kind[row] != Kind.MACHINE:
                 raise _direction_open(block, motions, row, unknown[0])
-        arcs = [row for row in motions.arcs if rows[row]]
-        for row, same in zip(arcs, shifts_only(motions, arcs), strict=True):
-            if not same or turns(motions)[row].any():
-                raise motions.blocks[int(motions.block[row])].refuse(ARC)
+
+    def _check_cycle(self, motions: Motions, row: int, block: Block) -> None:
+        """Refusal for a canned cycle that is none in the other coordinates, or that controls do not have there."""
+        axis, frame = motions.cycles[row].axis, motions.frames[motions.frame[row]]
+        if not self._to_axes and not self._machine.control.tcp_at_start:
+            raise block.refuse("controls differ in canned cycles under G43.4: write its moves, or G49 before it")
+        if not drills_along(self._machine, frame, motions.target[row].tolist(), axis):
+            raise block.refuse(f"a canned cycle {LEANS.format(axis=self._machine.names[axis])}")
+        if motions.incremental[row] and np.count_nonzero(motions.block == motions.block[row]) > 1:
+            raise block.refuse(
+                "a canned cycle that is repeated by increments (K, L) is not converted, because its increments are "
+                "others in the other coordinates: write each hole in a block of its own"
+            )
 
     def _cuts(
-        self, motions: Motions, moved: NDArrayBool, varied: frozenset[int], rewrite: Rewrite
+        self, motions: Motions, moved: NDArrayBool, bent: NDArrayBool, varied: frozenset[int], rewrite: Rewrite
     ) -> dict[int, list[float]]:
-        """Where the moves are cut; Refusal for a move that cannot be."""
+        """Where the moves are cut; Refusal for a move that cannot be. bent `(n,)`: arcs that become straight lines."""
         limit = max(SHARE * 1e-3 * self._job.tolerance_um, self._machine.rounding_mm)
         rapid = motions.kind == Kind.RAPID
-        cuts = cuts_within(motions, np.flatnonzero(moved & ~rapid), limit)
-        cuts |= cuts_within(motions, np.flatnonzero(moved & rapid), max(limit, RAPID_MM))
+        turned = bends(motions, np.flatnonzero(bent).tolist())
+        cuts = cuts_within(motions, np.flatnonzero(moved & ~rapid), turned, limit)
+        cuts |= cuts_within(motions, np.flatnonzero(moved & rapid), turned, max(limit, RAPID_MM))
         assumed = (motions.known_start == Known.ASSUMED).any(axis=1)
         cuts = {row: shares for row, shares in cuts.items() if not (rapid[row] and assumed[row])}
         rows = sorted(cuts)
         # a start that follows from machine coordinates or from an earlier frame is known
-        asked = Asked(
-            replace(motions, known_start=np.where(assumed[:, None], motions.known_start, motions.known)), varied
-        )
+        known_start = np.where(assumed[:, None], motions.known_start, motions.known)
+        asked = Asked(replace(straightened(motions, bent), known_start=known_start), varied)
         for row, reason in zip(rows, reasons(Change.SPLIT, asked, rows), strict=True):
             index = int(motions.block[row])
             if reason and not (reason == NO_INSERTION and index in rewrite.spelled):
@@ -213,17 +240,27 @@ class Conversion:
     def _refuse_unknown(self, motions: Motions, rows: NDArrayBool) -> None:
         """Refusal for a move of axes whose coordinates in this frame the program has not given."""
         linear = list(self._machine.translators)
+        positioned = rows & np.isin(motions.kind, POSITIONED)
+        partly = positioned & (motions.known[:, linear] != Known.PROGRAM).any(axis=1)
+        if not partly.any():
+            return
         wanted = (np.abs(motions.target - motions.start) > STANDS_MM)[:, linear]
-        for row in np.flatnonzero(rows & np.isin(motions.kind, PATHS)).tolist():
+        for row in np.flatnonzero(partly).tolist():
             named = {word.axis for word in motions.words[row]}
             wanted[row] |= [axis in named for axis in linear]
-        unknown = wanted & (motions.known[:, linear] != Known.PROGRAM) & rows[:, None]
-        unknown &= np.isin(motions.kind, PATHS)[:, None]
+        unknown = wanted & (motions.known[:, linear] != Known.PROGRAM) & partly[:, None]
         for row in np.flatnonzero(unknown.any(axis=1)).tolist():
             names = " ".join(self._machine.names[axis] for axis, each in zip(linear, unknown[row], strict=True) if each)
-            raise motions.blocks[int(motions.block[row])].refuse(
-                f"the conversion moves {names} in this block, and the program has not yet given the positions of all "
-                f"axes in this frame: write {' '.join(self._machine.names)} in it, or before it"
+            block, every = motions.blocks[int(motions.block[row])], " ".join(self._machine.names)
+            if (motions.known[row, linear][unknown[row]] == Known.ASSUMED).any():
+                raise block.refuse(
+                    f"the conversion moves {names} in this block, and the program has not yet given the positions of "
+                    f"all axes: write {every} in it, or before it with the TCP and the work offset of this block"
+                )
+            raise block.refuse(
+                f"the conversion moves {names} in this block, and the program has given their positions only before it "
+                "switched TCP on or off, with another work offset, or in machine coordinates, where the same numbers "
+                f"are another place: write {every} in it, or before it with the TCP and the work offset of this block"
             )
 
 
@@ -242,13 +279,13 @@ def _timed(cut: Motions, origin: np.ndarray, paced: dict[int, Paced]) -> dict[in
     ends = np.where(np.append(cut.added[1:], False), np.append(cut.start_fraction[1:], 0.0), 1.0)
     shares = (ends - cut.start_fraction).tolist()
     return {
-        i: paced[row]._replace(minutes=paced[row].minutes * shares[i])
+        i: paced[row] if shares[i] == 1.0 else paced[row]._replace(minutes=paced[row].minutes * shares[i])
         for i, row in enumerate(origin.tolist())
         if row in paced
     }
 
 
-def _programmed_times(motions: Motions, cut: Motions, feeds: list[Feed]) -> dict[int, Paced]:
+def _programmed_times(motions: Motions, cut: Motions, feeds: Sequence[Feed]) -> dict[int, Paced]:
     """The times of moves under a G93 of the program that are cut, by row."""
     times: dict[int, Paced] = {}
     for row in np.unique((np.cumsum(~cut.added) - 1)[cut.added]).tolist():

@@ -7,20 +7,22 @@ together on FANUC; G93 gives the time of the block on every control.
 
 from __future__ import annotations
 
-import math
+from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.machine import NDArrayBool
+from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.correct.job import Job
-from postproc.correct.rotary.feed_in_force import PER_MINUTE, Feed
+from postproc.correct.rotary.feed_in_force import PER_MINUTE, Feed, FeedsInForce
 from postproc.correct.tcp.path import turns
 from postproc.motion.circles import SAME
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Paced
-from postproc.siemens.codes import FEED_MODES
+from postproc.siemens.codes import CYCLES, FEED_MODES
 from postproc.text.block import Block, Edit, Word
+from postproc.text.blocks import PlainRun
 from postproc.text.number_style import decimals_holding
 from postproc.write.added_blocks import SINGLE_FEEDS, feed_index
 from postproc.write.editors import Rewrite
@@ -62,33 +64,86 @@ class Feeds:
         """True for inverse time (G93)."""
         return self._how == "inverse-time"
 
-    def of_part(self, nominal: Motions, moved: NDArrayBool, feeds: list[Feed], rewrite: Rewrite) -> dict[int, Paced]:
+    def of_part(self, nominal: Motions, moved: NDArrayBool, feeds: FeedsInForce, rewrite: Rewrite) -> dict[int, Paced]:
         """The times of the converted feed moves of a chunk, by row; lines that restore F behind them are added.
 
         nominal: the moves before the conversion; moved `(n,)`: those that are converted.
         """
         if not (self._changed or moved.any()):
             return {}
-        cuts = np.isin(nominal.kind, (Kind.LINE, Kind.ARC)).tolist()
+        cuts: NDArrayBool = np.isin(nominal.kind, (Kind.LINE, Kind.ARC))
         turned: NDArrayBool = np.asarray((turns(nominal) > 0.0).any(axis=1))
+        part, blocks = _Part(nominal, moved, feeds, rewrite, cuts, turned), nominal.blocks
         paced: dict[int, Paced] = {}
-        rows: dict[int, list[int]] = {}
-        for row, index in enumerate(nominal.block.tolist()):
-            rows.setdefault(index, []).append(row)
-        for index, block in enumerate(nominal.blocks):
-            own, feed = rows.get(index, []), feeds[index]
-            inside = [row for row in own if moved[row] and cuts[row]]
-            modes = [word for word in block.words if word.address == "G" and word.value in FEED_MODES]
-            for row in inside:
-                found = self._paced(nominal, row, feed, turns=bool(turned[row]))
-                if found is not None:
-                    paced[row] = self._in_mode(found, index, modes, rewrite) if self.timed else found
-                    self._changed = found.form != "programmed"
-                elif _feed_word(block) or modes:
-                    self._changed = False
-            if not any(moved[row] for row in own) and self._relies(block, modes, moves=any(cuts[row] for row in own)):
-                self._restore(index, block, feed, modes, rewrite)
+        for items, first in zip(blocks.parts, blocks.firsts, strict=False):
+            if isinstance(items, list):
+                for index, block in enumerate(items, start=first):
+                    self._of_block(part, index, block, paced)
+            else:
+                self._of_run(part, first, items, paced)
         return paced
+
+    def _of_block(self, part: _Part, index: int, block: Block, paced: dict[int, Paced]) -> None:
+        """Add the times of the moves of one block to `paced`."""
+        nominal, rewrite, own = part.nominal, part.rewrite, part.rows(index)
+        feed = part.feeds[index]
+        modes = [word for word in block.words if word.address == "G" and word.value in FEED_MODES]
+        for row in (row for row in own if part.moved[row] and part.cuts[row]):
+            found = self._paced(nominal, row, feed, turns=bool(part.turned[row]))
+            if found is not None and (nominal.kind[own] == Kind.MACHINE).any():
+                raise block.refuse(
+                    "the cycle at the end of this move would run with another feed than the program's: write the "
+                    "move in G0, or the cycle in a block of its own"
+                )
+            if found is not None:
+                paced[row] = self._in_mode(found, index, modes, rewrite) if self.timed else found
+                self._changed = found.form != "programmed"
+            elif _feed_word(block) or modes:
+                self._changed = False
+        feeds_itself = bool((part.cuts | (nominal.kind == Kind.CYCLE))[own].any())
+        if not part.moved[own].any() and self._relies(block, modes, moves=feeds_itself):
+            self._restore(index, block, feed, modes, rewrite)
+
+    def _of_run(self, part: _Part, first: int, run: PlainRun, paced: dict[int, Paced]) -> None:
+        """Add the times of the moves of plain lines, each of which is one move, to `paced`; first: index of a block."""
+        line = 0
+        base = int(np.searchsorted(part.nominal.block, first))
+        moved = part.moved[base : base + len(run)]
+        while line < len(run):
+            alike = moved[line:] == moved[line]
+            behind = len(run) if alike.all() else line + int(alike.argmin())
+            while line < behind and (self._changed if not moved[line] else self.timed and not self._changed):
+                self._of_block(part, first + line, run.block(line), paced)
+                line += 1
+            if line < behind and moved[line]:
+                self._of_lines(part, first + line, run.part(line, behind), paced)
+            line = behind
+
+    def _of_lines(self, part: _Part, first: int, run: PlainRun, paced: dict[int, Paced]) -> None:
+        """The same for lines that are all converted; under G93, which is in force already."""
+        base = int(np.searchsorted(part.nominal.block, first))
+        lines = np.flatnonzero(part.cuts[base : base + len(run)])
+        rows, nominal = base + lines, part.nominal
+        if not len(rows):
+            return
+        if nominal.timed[rows[0]]:
+            self._changed = self._changed and not np.isfinite(run.feeds[lines]).any()
+            return
+        turned, feeds = part.turned[rows], part.feeds.values[first + lines]
+        minutes, wrong = self._times(nominal, rows, feeds)
+        wrong |= ~(feeds > 0.0) | (part.feeds[first].mode != PER_MINUTE)
+        if not self.timed:
+            minutes = np.where(turned, minutes, 0.0)
+        for row in rows[wrong].tolist():  # for the reason
+            self._paced(nominal, row, part.feeds[int(nominal.block[row])], turns=bool(part.turned[row]))
+        form = "inverse-time" if self.timed else "all-axes" if self._all_axes else "linear"
+        changed = np.append(self._changed, turned[:-1])
+        again = ~turned & changed & ~np.isfinite(run.feeds[lines])
+        forms = np.where(turned | self.timed, form, np.where(again, "programmed", ""))
+        for row, time, feed, how in zip(rows.tolist(), minutes.tolist(), feeds.tolist(), forms.tolist(), strict=True):
+            if how:
+                paced[row] = Paced(time, feed, how, restored=False)
+        self._changed = self.timed or bool(turned[-1])
 
     def _in_mode(self, found: Paced, index: int, modes: list[Word], rewrite: Rewrite) -> Paced:
         """A time with the word for G93, where this is not in force yet."""
@@ -103,7 +158,7 @@ class Feeds:
         if not self._changed:
             return False
         if not self.timed:
-            return moves or bool(modes)
+            return moves or bool(modes) or any(word.address in CYCLES for word in block.words)
         silent = all(word.address in SILENT for word in block.words) and block.kind in ("words", "blank")
         return not silent or any(word.address == "M" and word.value in ENDS for word in block.words)
 
@@ -132,7 +187,7 @@ class Feeds:
         if not turns and not self.timed:
             again = self._changed and not _feed_word(block)
             return Paced(0.0, feed.value, "programmed", restored=False) if again else None
-        minutes = max(self._minutes(nominal, row, feed.value, block), LEAST_MINUTES)
+        minutes = self._minutes(nominal, row, feed.value, block)
         form = "inverse-time" if self.timed else "all-axes" if self._all_axes else "linear"
         return Paced(minutes, feed.value, form, restored=False)
 
@@ -142,15 +197,40 @@ class Feeds:
 
     def _minutes(self, nominal: Motions, row: int, feed: float, block: Block) -> float:
         """The time of a move in the original, min."""
-        way, unit = (nominal.target - nominal.start)[row], float(nominal.unit[row])
-        angle = float(np.linalg.norm(way[self._machine.rotary]))
-        straight = float(np.linalg.norm(way[list(self._machine.translators)]))
-        path = (float(nominal.path_lengths[row]) if nominal.kind[row] == Kind.ARC else straight) / unit
-        if self._to_tcp and angle > SAME and path > SAME:
-            if self._family in ("any", "grbl"):
-                raise block.refuse(FAMILY.format(cure=""))
-            path = math.hypot(path, angle) if self._family == "fanuc" else path
-        return (path if path > SAME else angle) / feed
+        minutes, unknown = self._times(nominal, np.array([row]), np.array([feed]))
+        if unknown[0]:
+            raise block.refuse(FAMILY.format(cure=""))
+        return float(minutes[0])
+
+    def _times(self, nominal: Motions, rows: np.ndarray, feeds: Array) -> tuple[Array, NDArrayBool]:
+        """The times `(k,)`, min, of moves in the original, and where the meaning of F is not known."""
+        way = (nominal.target - nominal.start)[rows]
+        angle = np.linalg.norm(way[:, self._machine.rotary], axis=1)
+        straight = np.linalg.norm(way[:, list(self._machine.translators)], axis=1)
+        path = np.where(nominal.kind[rows] == Kind.ARC, nominal.path_lengths[rows], straight) / nominal.unit[rows]
+        both = (angle > SAME) & (path > SAME) & self._to_tcp
+        if self._family == "fanuc":
+            path = np.where(both, np.hypot(path, angle), path)
+        minutes = np.maximum(np.where(path > SAME, path, angle) / feeds, LEAST_MINUTES)
+        return minutes, both & (self._family in ("any", "grbl"))
+
+
+class _Part(NamedTuple):
+    """A chunk of moves before their conversion."""
+
+    nominal: Motions
+    moved: NDArrayBool
+    """True `(n,)` for those that are converted."""
+    feeds: FeedsInForce
+    rewrite: Rewrite
+    cuts: NDArrayBool
+    """True `(n,)` for feed moves."""
+    turned: NDArrayBool
+    """True `(n,)` where rotary axes turn."""
+
+    def rows(self, index: int) -> np.ndarray:
+        """The rows of a block."""
+        return np.arange(*np.searchsorted(self.nominal.block, [index, index + 1]))
 
 
 def _feed_word(block: Block) -> bool:

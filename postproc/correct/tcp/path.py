@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.machine import TURN, Machine, NDArrayBool
+from kinematics.machine import TURN, NDArrayBool
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.motion.along import positions_along
-from postproc.motion.frames import Frame, cartesian
+from postproc.motion.frames import cartesian, other_frame
 from postproc.motion.motions import Motions
 
 STEP_DEG = 10.0
@@ -29,15 +29,10 @@ MOST = 20_000
 """Most segments of a move."""
 
 
-def other_frame(machine: Machine, frame: Frame) -> Frame:
-    """The frame of the same block on the control with TCP switched off, or on."""
-    offset, z = list(frame.offset), cartesian(machine)[2]
-    offset[z] += frame.tool_length if frame.tcp else -frame.tool_length
-    return replace(frame, offset=tuple(offset), tcp=not frame.tcp)
-
-
 def with_frames(motions: Motions, rows: NDArrayBool) -> Motions:
     """The moves, those of some rows `(n,)` in the other frame; their arcs keep their plane."""
+    if not rows.any():
+        return motions
     start, target, frame = motions.copies("start", "target", "frame")
     frames = [*motions.frames, *(other_frame(motions.machine, each) for each in motions.frames)]
     frame[rows] += len(motions.frames)
@@ -65,12 +60,12 @@ def turns(motions: Motions) -> Array:
     return np.where(motions.machine.rotary, np.abs(motions.target - motions.start), 0.0)
 
 
-def cuts_within(motions: Motions, rows: np.ndarray, limit_mm: float) -> dict[int, list[float]]:
+def cuts_within(motions: Motions, rows: np.ndarray, turned: Array, limit_mm: float) -> dict[int, list[float]]:
     """Shares at which moves are cut, by row, so that the path in the other coordinates deviates by the limit at most.
 
-    Only moves that turn rotary axes are curved in one of the two kinds of coordinates.
+    turned `(n,)`: degrees by which rotary axes, or the arc that a straight line replaces, turn; moves without them are
+    straight in both kinds of coordinates.
     """
-    turned = turns(motions).sum(axis=1)
     rows = rows[turned[rows] > 0.0]
     if not len(rows):
         return {}

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from kinematics.machine import NDArrayBool
 from postproc.dialects import Dialect
 from postproc.iso.offsets import TCP_CODES
 from postproc.motion.moves import Kind
 from postproc.siemens.codes import VECTOR_WORDS
 from postproc.text.block import Block, Edit
+from postproc.text.blocks import Blocks
 from postproc.write.editors import Rewrite
 
 _TCPM = re.compile(r"FUNCTION\s+(RESET\s+)?TCPM\b.*?(?=\s*[\r\n]|$)", re.IGNORECASE | re.DOTALL)
@@ -75,21 +79,28 @@ class SwitchedOn:
     def __post_init__(self) -> None:
         self.on = self.always
 
-    def follow(
-        self, blocks: Sequence[Block], kinds: dict[int, list[Kind]], ready: set[int], rewrite: Rewrite
-    ) -> Iterator[int]:
-        """The blocks whose moves are those of the tool point.
+    def follow(self, blocks: Blocks, kinds: dict[int, list[Kind]], ready: NDArrayBool, rewrite: Rewrite) -> NDArrayBool:
+        """True `(blocks,)` for the blocks whose moves are those of the tool point.
 
-        kinds: of the moves of each block; ready: blocks of feed moves from and to known positions of all axes.
+        kinds: of the moves of each block that is no plain line; ready `(blocks,)`: True for feed moves from and to
+        known positions of all axes.
         """
-        for index, block in enumerate(blocks):
-            if not self.always:
-                if self.dialect.name == "iso":
-                    self._follow_length(index, block, kinds.get(index, []), rewrite)
-                else:
-                    self._put_lines(index, block, kinds.get(index, []), index in ready, rewrite)
-            if self.on:
-                yield index
+        inside = np.full(len(blocks), self.always)
+        for part, first in zip(blocks.parts, blocks.firsts, strict=False) if not self.always else ():
+            if isinstance(part, list):
+                for index, block in enumerate(part, start=first):
+                    if self.dialect.name == "iso":
+                        self._follow_length(index, block, kinds.get(index, []), rewrite)
+                    else:
+                        self._put_lines(index, block, kinds.get(index, []), bool(ready[index]), rewrite)
+                    inside[index] = self.on
+                continue
+            begins = 0 if self.on else len(part)  # a plain line never ends TCP
+            if not self.on and self.dialect.name != "iso" and ready[first : first + len(part)].any():
+                begins = int(ready[first : first + len(part)].argmax())
+                self._put_lines(first + begins, part.block(begins), [Kind.LINE], True, rewrite)
+            inside[first + begins : first + len(part)] = True
+        return inside
 
     def _follow_length(self, index: int, block: Block, kinds: list[Kind], rewrite: Rewrite) -> None:
         """G43 becomes G43.4, and G49 ends it."""

@@ -9,6 +9,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 
 from grammars import block_parser
 from postproc.iso.reading.blocks import NO_NUMBER, PARTS
+from postproc.iso.reading.calls import CALLS
 from postproc.iso.reading.statements import computed_word, returned, statement
 from postproc.text.block import Block, Refusal, Word, not_understood
 from postproc.text.block_values import check_order
@@ -34,8 +35,8 @@ def parse_block(line: int, text: str) -> Block:
                     words.append(_word(item))
                 case "computed":
                     words.append(computed_word(item))
-                case "PROGRAM":
-                    words.append(_program(item))
+                case "PROGRAM" | "REPEATED" as construct:
+                    words.append(_program(item) if construct == "PROGRAM" else _repeated(item, text))
                 case "SKIP":
                     skippable = True
                 case "COMMENT" | "OUTPUT":
@@ -67,6 +68,14 @@ def _word(token: Token) -> Word:
     assert match is not None
     at = token.start_pos or 0
     return Word(match[1].upper(), float(match[3] + match[4]), at, at + match.start(2), at + match.end())
+
+
+def _repeated(token: Token, text: str) -> Word:
+    """P of M98 with a blank between the number of repetitions and that of the program; Ambiguous outside of a call."""
+    if not CALLS.search(text):
+        raise Ambiguous("the number has no address before it: write the address")
+    at, digits = token.start_pos or 0, "".join(token[1:].split())
+    return Word("P", float(digits), at, at + 1, at + len(token))
 
 
 def _program(token: Token) -> Word:

@@ -16,12 +16,13 @@ from lark.exceptions import UnexpectedInput
 
 from grammars import block_parser
 from postproc.siemens.reading.declarations import Lose
-from postproc.siemens.reading.statements import arguments, number_of, statement, structure, valued
+from postproc.siemens.reading.statements import arguments, formula, number_of, statement, structure, valued
 from postproc.siemens.variables import set_by
 from postproc.siemens.words import OF_CONTROL, is_known
 from postproc.text.block import Block, Refusal, Word, not_understood
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous, Variable
+from postproc.text.line_numbers import original
 from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Code, Label, Return, Step, When
 
@@ -54,7 +55,7 @@ def parse_block(line: int, text: str) -> Block:
     words, steps = tuple(parts.words), tuple(parts.steps)
     after = _lost(words)
     code = Code(steps, after) if steps or after or any(word.formula for word in words) else None
-    if parts.kind == "header" and line > 1:
+    if parts.kind == "header" and original(line) > 1:
         code = Code((Return(),))
     kind = parts.kind or ("words" if words else "control" if steps else "blank")
     return _checked(Block(line, text, kind, words, "", parts.skippable, code))
@@ -144,9 +145,9 @@ def _call(item: Any) -> Word:
 
 
 def _called(item: Any) -> Word:
-    """CALL "PART", EXTCALL "PART.SPF": the name in quotes."""
-    name = item.children[1].strip('"').upper()
-    return _name(item.children[0].upper(), item.meta.start_pos, item.meta.end_pos)._replace(mode=name)
+    """CALL "PART", CALL "L" << R1, EXTCALL "PART.SPF": the name of the program as its argument."""
+    word = _name(item.children[0].upper(), item.meta.start_pos, item.meta.end_pos)
+    return word._replace(arguments=(formula(item.children[1]),))
 
 
 def _bare(token: Token) -> Word:

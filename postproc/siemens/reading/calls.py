@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from postproc.control.codes import PROGRAM_ENDS
 from postproc.siemens.codes import CALLS, END_OF_SUBPROGRAM, REFUSED_NAMES
 from postproc.siemens.reading.declarations import Pass, Receive
 from postproc.siemens.reading.statements import program_name
-from postproc.siemens.variables import EMPTY
+from postproc.siemens.variables import EMPTY, NAME, label
 from postproc.siemens.words import is_known
 from postproc.text.block import Block, Word
-from postproc.text.expressions import Constant, Expression, Variable
+from postproc.text.expressions import Constant, Expression, NotKnown, Operation, Variable
 from postproc.text.statements import Call, Code, EndModal, Modal, Return
 
-_NAME = re.compile(r"(?:_N_)?(\w+?)(?:[._](?:SPF|MPF))?")
+_HOME = re.compile(r"[ \t]*;\$PATH=[ \t]*(\S+)", re.IGNORECASE)
 
 
 def names(file: str) -> list[str]:
     """The names by which the program in a file is called: %L100 for `L100.SPF` and for `_N_L100_SPF`."""
     stem, point, _ = file.upper().rpartition(".")
-    match = _NAME.fullmatch(stem or file.upper())
+    match = NAME.fullmatch(stem or file.upper())
     return [f"%{match[1]}"] if match and (point or file.upper().startswith("_N_")) else []
 
 
@@ -31,10 +32,11 @@ def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bo
     in_folders: the names of programs in files of their own; called: another program has called this file.
     """
     here = {program_name(block) for block in blocks if block.kind == "header"} - {""}
+    home = next((match[1].upper() for block in blocks if (match := _HOME.match(block.text))), "")
     programs = here | {name.removeprefix("%") for name in in_folders()} - REFUSED_NAMES.keys()
     first = next((i for i, block in enumerate(blocks) if block.kind == "header" and block.code), len(blocks))
     first = 0 if called else first
-    linked = [_with_call(block, here, programs) for block in blocks]
+    linked = [_with_call(block, here, programs, home) for block in blocks]
     if any(block.code and any(isinstance(step, Modal) for step in block.code.after) for block in linked):
         linked = [_with_end_of_modal_call(block) for block in linked]
     return linked[:first] + [_with_return(block) for block in linked[first:]]
@@ -61,12 +63,15 @@ def _with_return(block: Block) -> Block:
     return block._replace(code=code._replace(after=(*code.after, Return())))
 
 
-def _with_call(block: Block, here: set[str], programs: set[str]) -> Block:
-    """The block with its call; here: the programs of the file, which may have names of the language."""
+def _with_call(block: Block, here: set[str], programs: set[str], home: str) -> Block:
+    """The block with its call.
+
+    here: the programs of the file, which may have names of the language; home: its folder on the control.
+    """
     called = [
         (word, name)
         for word in block.words
-        if (name := _called(block, word)) in here
+        if (name := _called(block, word, home)) in here
         or _calls(word)
         or (name in programs and not is_known(word.address, word))
     ]
@@ -76,12 +81,15 @@ def _with_call(block: Block, here: set[str], programs: set[str]) -> Block:
     modal = any(other.address == "MCALL" for other in block.words)
     others = [other for other in block.words if other.address not in ("N", "P", "MCALL") and other is not word]
     if others or block.skippable or (block.code is not None and block.code.turns):
-        raise block.refuse(f"the call of {name} must be alone in its block: write the other words in a block before it")
+        raise block.refuse(
+            f"the call of {name or word.address} must be alone in its block: write the other words in a block before it"
+        )
     passes = next((other for other in block.words if other.address == "P"), None)
     if modal and passes is not None:
         raise block.refuse("MCALL with P is not followed: write P into the subprogram")
     given = [argument for argument in enumerate(_given(word), start=1) if argument[1] != EMPTY]
-    call = Call(f"%{name}", tuple(given), _times(passes))
+    program = f"%{name}" if name else Operation("called program", (*(word.arguments or ())[:1], Constant(home)))
+    call = Call(program, tuple(given), _times(passes))
     numbers = tuple(other for other in block.words if other.address == "N")
     before = block.code.before if block.code is not None else ()
     references = tuple((i, argument) for i, argument in given if isinstance(argument, Variable))
@@ -107,20 +115,16 @@ def _times(passes: Word | None) -> Expression | None:
 
 def _calls(word: Word) -> bool:
     """True for a word that calls a program, whatever its name is."""
-    return word.address in CALLS or (word.address == "L" and word.value is not None)
+    return (word.address in CALLS and bool(word.arguments)) or (word.address == "L" and word.value is not None)
 
 
-def _called(block: Block, word: Word) -> str:
-    """The name of a program that a word may call."""
+def _called(block: Block, word: Word, home: str) -> str:
+    """The name of a program that a word may call; empty for one that the program calculates."""
     if word.address in CALLS:
-        given = word.arguments[0] if word.arguments else None
-        text = str(given.value).upper() if isinstance(given, Constant) else word.mode
-        if not (match := _NAME.fullmatch(text)):
-            raise block.refuse(
-                "a program is called by its name alone, and looked for in the folders of the programs: write "
-                f'{word.address} "NAME"'
-            )
-        return match[1]
+        given = word.arguments[0] if word.arguments else Constant("")
+        with suppress(NotKnown):  # the call refuses it when it runs
+            return label(given.value, home).removeprefix("%") if isinstance(given, Constant) else ""
+        return ""
     if word.address == "L" and word.value is not None:
         return "".join(block.text[word.at : word.end].split()).upper()
     return word.address if word.start == word.end else ""

@@ -29,9 +29,13 @@ class Found(NamedTuple):
 class CalledFiles:
     """Finds the files of called programs, without regard to upper and lower case."""
 
-    def __init__(self, folders: Sequence[Path], names: Callable[[str], Iterable[str]]) -> None:
-        """folders: in the order of the search; names: those by which the program in a file of some name is called."""
-        self.folders, self._names = folders, names
+    def __init__(self, folders: Sequence[Path], names: Callable[[str], Iterable[str]], posted: str) -> None:
+        """folders: in the order of the search; names: those by which the program in a file of some name is called.
+
+        posted: suffix of the programs of a set as the CAM has posted them, for example `.posted`; such a file comes
+        before others of its name, which may be earlier corrections. Empty for none.
+        """
+        self.folders, self._names, self._posted = folders, names, posted
         self._listed: dict[Path, dict[str, list[Path]]] = {}
 
     def names(self, caller: Path | None = None) -> set[str]:
@@ -80,11 +84,19 @@ class CalledFiles:
         if folder not in self._listed:
             found: dict[str, list[Path]] = {}
             for path in _entries(folder, None, folders=False):
-                if path.suffix.lower() in SUFFIXES or not path.suffix:
+                if path.suffix.lower() in (*SUFFIXES, "", self._posted):
                     for name in self._names(path.name):
                         found.setdefault(name, []).append(path)
+            for paths in found.values() if self._posted else ():
+                paths[:] = [path for path in paths if path.suffix.lower() == self._posted] or paths
             self._listed[folder] = found
         return self._listed[folder]
+
+
+def posted_suffix(name: str) -> str:
+    """The suffix of a file, in lower case, if it is none of an NC program; otherwise empty."""
+    suffix = Path(name).suffix.lower()
+    return "" if suffix in SUFFIXES else suffix
 
 
 def shown_name(name: str) -> str:

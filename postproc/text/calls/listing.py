@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import bisect
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Protocol
 
 from postproc.text.block import Block
+from postproc.text.blocks import PlainRun
 from postproc.text.calls.called_files import shown_name
 from postproc.text.expressions import NotKnown
 
@@ -18,6 +20,10 @@ class Passed(Exception):
 
 class Files(Protocol):
     """The files of called programs."""
+
+    @property
+    def runs(self) -> Mapping[int, PlainRun]:
+        """Runs of plain lines by the index of their first block."""
 
     @property
     def end(self) -> str:
@@ -41,6 +47,7 @@ class OneFile:
     """No file but that of the main program."""
 
     end = ""
+    runs: Mapping[int, PlainRun] = MappingProxyType({})
 
     def first_block(self, name: str, _: int) -> int:
         """NotKnown for every program."""
@@ -89,6 +96,15 @@ class Listing:
         if self.ends and at <= len(self.blocks) and self._file(at) > 0:
             raise self.blocks[at - 1].refuse(f"the subprogram has no end: {self.files.end}")
         return True
+
+    def plain(self, at: int, last: int, ran: Container[int]) -> PlainRun | None:
+        """The plain lines from a block on; None for a block that is read by itself.
+
+        last: last block of the part of the program that is run again, if it is behind. ran: blocks that have run: they
+        are read by themselves, because each must get the text of its first run.
+        """
+        run = None if at in ran else self.files.runs.get(at)
+        return run if run is None or not at <= last < at + len(run) - 1 else run.part(0, last + 1 - at)
 
     def has_label(self, name: str) -> bool:
         """Whether some block has a label."""

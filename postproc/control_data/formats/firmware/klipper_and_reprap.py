@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from msgspec import Meta
 
-from kinematics.transforms import Array
 from postproc.control_data.format import Settings
-from postproc.control_data.readers.read_klipper_and_reprap import read_klipper, read_reprap
+from postproc.control_data.formats.firmware.skew_and_mesh import SKEWS, departure_um, mesh_of, tangents
+from postproc.control_data.readers.firmware.read_klipper_and_reprap import read_klipper, read_reprap
+from postproc.control_data.readers.firmware.skew import skew_of
 from postproc.control_data.tables.build import Capabilities
 from postproc.control_data.tables.content import Content, number
 from postproc.control_data.tables.limits import Limits
-from postproc.control_data.tables.mesh_moves import DEFAULT, FINEST, Segments, largest_departure
+from postproc.control_data.tables.mesh_moves import DEFAULT, FINEST, Segments
 from postproc.control_data.tables.table_format import TableFormat
-from postproc.control_data.tables.terms import Curve, Surface
-
-SKEWS = ("XY", "XZ", "YZ")
-"""Output and source of each shear of the firmware."""
 
 
 class MeshSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -26,44 +23,12 @@ class MeshSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     grid: Annotated[int, Meta(ge=2, le=41)] = 21
 
 
-def _tangents(content: Content) -> dict[str, float]:
-    """mm per mm that is added to the output by the source."""
-    found = dict.fromkeys(SKEWS, 0.0)
-    for term in content.terms:
-        curve = term.factors[0]
-        if isinstance(curve, Curve):
-            found[term.output + curve.axis] = float(
-                (curve.values[-1] - curve.values[0]) / (curve.nodes[-1] - curve.nodes[0])
-            )
-    return found
-
-
-class _Mesh(NamedTuple):
-    """Heights over the bed."""
-
-    x: Array
-    y: Array
-    rows: Array
-    """`(y, x)`, mm."""
-
-
-def _mesh(content: Content) -> _Mesh | None:
-    for term in content.terms:
-        surface = term.factors[0]
-        if isinstance(surface, Surface):
-            nodes = dict(zip(surface.axes, surface.nodes, strict=True))
-            return _Mesh(nodes["X"], nodes["Y"], surface.values if surface.axes[0] == "Y" else surface.values.T)
-    return None
-
-
 def write_klipper(content: Content) -> dict[str, str]:
     """`ncomp.cfg`: profiles of skew_correction and bed_mesh."""
-    tangents = _tangents(content)
-    xy, yz = -tangents["XY"], -tangents["YZ"]
-    xz = -tangents["XZ"] + xy * yz
     lines = ["[skew_correction]", "", "[skew_correction ncomp]"]
-    lines += [f"{name}_skew = {number(value, 12)}" for name, value in (("xy", xy), ("xz", xz), ("yz", yz))]
-    mesh = _mesh(content)
+    named = zip(("xy", "xz", "yz"), skew_of(tangents(content)), strict=True)
+    lines += [f"{name}_skew = {number(value, 12)}" for name, value in named]
+    mesh = mesh_of(content)
     if mesh is not None:
         x, y = mesh.x, mesh.y
         lines += ["", "[bed_mesh ncomp]", "version = 1", "points ="]
@@ -77,12 +42,12 @@ def write_klipper(content: Content) -> dict[str, str]:
 
 def write_reprap(content: Content) -> dict[str, str]:
     """`heightmap.csv`, and `skew.g` with M556."""
-    tangents = {name: 100 * value for name, value in _tangents(content).items()}
+    added = {name: 100 * value for name, value in tangents(content).items()}
     words = " ".join(
-        f"{letter}{number(tangents[name], 8)}" for letter, name in zip("XYZ", ("XY", "YZ", "XZ"), strict=True)
+        f"{letter}{number(added[name], 8)}" for letter, name in zip("XYZ", ("XY", "YZ", "XZ"), strict=True)
     )
-    files = {"skew.g": f"M556 S100 {words}\n"}
-    mesh = _mesh(content)
+    files = {"skew.g": f"M556 S100 {words} P0\n"}
+    mesh = mesh_of(content)
     if mesh is not None:
         x, y = mesh.x, mesh.y
         lines = [
@@ -96,16 +61,11 @@ def write_reprap(content: Content) -> dict[str, str]:
     return files
 
 
-def _surface(content: Content) -> Surface | None:
-    return next((term.factors[0] for term in content.terms if isinstance(term.factors[0], Surface)), None)
-
-
 def along_moves_of_reprap(content: Content) -> str:
     """How far RepRapFirmware's moves are from this mesh; nothing without a mesh."""
-    mesh = _surface(content)
-    if mesh is None:
+    um = departure_um(content, Segments())
+    if um is None:
         return ""
-    um = 1e3 * largest_departure(mesh, Segments())
     return f"""\
 **Between the ends of a move** RepRapFirmware follows the mesh in straight parts of about one mesh each. By this rule
 the straight moves over the bed that were tried are up to {um:.1f} um from this mesh. The remaining errors below are
@@ -114,10 +74,9 @@ those at the ends of moves; along a move this comes on top."""
 
 def along_moves_of_klipper(content: Content) -> str:
     """How far Klipper's moves are from this mesh; nothing without a mesh."""
-    mesh = _surface(content)
-    if mesh is None:
+    by_default, finest = (departure_um(content, each) for each in (DEFAULT, FINEST))
+    if by_default is None:
         return ""
-    by_default, finest = (1e3 * largest_departure(mesh, each) for each in (DEFAULT, FINEST))
     return f"""\
 **Between the ends of a move Klipper does not follow the mesh**: it looks at it every move_check_distance, and
 splits the move where the height has changed by split_delta_z. By this rule the straight moves over the bed that were
@@ -133,7 +92,7 @@ into printer.cfg. The remaining errors below are those at the ends of moves; alo
 
 
 def _limits(grid: int, resolution: float, step: float) -> Limits:
-    skew = Limits(points=2, resolution=1e-7, through_origin=True)
+    skew = Limits(points=2, resolution=1e-7, degree=1, through_zero=True)
     return Limits(
         points=grid * grid, resolution=resolution, spacing_step=step, grid=grid, surfaces_per_output=1, cross=skew
     )
@@ -178,12 +137,12 @@ REPRAP = TableFormat(
     sign="correction",
     family="firmware",
     meaning="""\
-heightmap.csv: heights in mm that z follows, bilinear, clamped at the edges, machine coordinates. M556: S mm along
-the second axis, X Y Z the shift that is added to x by y, to y by z, to x by z. The map describes the machine's
-own error over the bed; a probed map contains it already: use one of them.""",
+heightmap.csv: heights in mm that z follows, bilinear, clamped at the edges, machine coordinates. M556: S mm along the
+second axis, X Y Z the shift that is added to x by y, to y by z, to x by z; P0: x is corrected by y (P1: y by x). The
+map describes the machine's own error over the bed; a probed map contains it already: use one of them.""",
     loading="""\
 heightmap.csv into the folder sys; G29 S1 loads it. skew.g: run it, or put its line into config.g.""",
     certainty="""\
-RepRapFirmware's source (fc1cd16): Grid.cpp, Move.cpp, GCodes.cpp; x += tanXY y + tanXZ z. Which letter of M556 is which
-plane: common knowledge. Not run by ncomp.""",
+RepRapFirmware's source: Grid.cpp, Move.cpp (AxisTransform), GCodes2.cpp (M556, which names the planes of its letters in
+its answer). Its formulas, in single precision, move the machine of ncomp's tests; the firmware itself was not run.""",
 )

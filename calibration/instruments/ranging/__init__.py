@@ -1,0 +1,1 @@
+"""Ranges alone: distances from several stations to targets on the tool, without angles (sequential multilateration)."""

@@ -1,0 +1,1 @@
+"""The figures of a machine over time: changes, drift, forecasts, limits."""

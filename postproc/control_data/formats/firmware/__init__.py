@@ -1,0 +1,1 @@
+"""Formats of the firmware of printers and routers."""

@@ -1,0 +1,1 @@
+"""Height maps: of senders and firmware, read by what their files contain, and their place on a machine."""

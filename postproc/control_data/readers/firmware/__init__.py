@@ -1,0 +1,1 @@
+"""Readers of the firmware of printers and routers."""

@@ -1,0 +1,21 @@
+"""Figures of ncomp beside references of others: as many digits agree as docs/evidence.md states."""
+
+from __future__ import annotations
+
+import pytest
+from support.evidence.page import SOURCES, rows_of, stated
+
+PAGE = stated()
+
+
+def test_the_page_has_every_table():
+    assert PAGE.keys() == SOURCES.keys()
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_as_many_digits_agree_as_the_page_states(name):
+    if SOURCES[name] == "gum":
+        pytest.importorskip("GTC")  # in requirements.lock
+    found = {row.key: row.digits for row in rows_of(name)}
+    assert found.keys() == PAGE[name].keys()
+    assert {key: value for key, value in found.items() if value < PAGE[name][key]} == {}
