@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from calibration.on_the_fly.nominal_path import NominalPath
     from calibration.simulation.measure_plan import VirtualInstrument
     from calibration.study.studied import Studied, Study
+    from history.interface import machine_history
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
     from postproc.control.setup import Setup
@@ -99,6 +100,7 @@ __all__ = [
     "load_calibration",
     "load_machine",
     "load_plugin",
+    "machine_history",
     "plan",
     "predict",
     "read_measurement",
@@ -130,12 +132,13 @@ MANY = 3000
 
 
 def __getattr__(name: str) -> Any:
-    """A function on measurements, whose libraries a correction does not load."""
+    """A function on measurements or histories, whose libraries a correction does not load."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
-    from calibration import interface
+    from importlib import import_module
 
-    globals()[name] = found = getattr(interface, name)
+    room = "history" if name == "machine_history" else "calibration"
+    globals()[name] = found = getattr(import_module(f"{room}.interface"), name)
     return found
 
 

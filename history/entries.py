@@ -6,7 +6,7 @@ import datetime
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from kinematics.files import fingerprint
 from kinematics.files.mistaken import did_you_mean
@@ -38,6 +38,22 @@ class Quantity(NamedTuple):
     """Standard uncertainty, k = 1."""
 
 
+class FoundCause(NamedTuple):
+    """A cause of errors that a diagnosis has found."""
+
+    name: str
+    """Kind and axis: `backlash X`."""
+    verdict: str
+    """`strong`, `weak` or `tied`."""
+    log10_odds: float
+    """Against none."""
+    sizes: list[dict[str, Any]]
+    """For each parameter: `name` with its unit, `value`, `u` (k = 1), `before`.
+
+    `value` is the change, if the calibration before has this cause with the value `before`; otherwise the whole size.
+    """
+
+
 @dataclass(frozen=True, kw_only=True)
 class Result:
     """A result or an event before it is entered."""
@@ -50,6 +66,7 @@ class Result:
     """Instrument or test."""
     document: bytes | None = None
     figures: Sequence[Quantity] = ()
+    causes: Sequence[FoundCause] = ()
     files: Mapping[str, str] = field(default_factory=dict)
     """Fingerprints of files by their paths."""
 
@@ -69,7 +86,7 @@ def moment_of(text: str, where: str) -> datetime.datetime:
 
 def enter(session: Session, machine: Machine, result: Result, *, force: bool = False) -> Entry:
     """Enter a result of a machine; UserError where a rule speaks against it. force: whatever the clock says."""
-    from history.schema import Entry, FigureRow, FileRow
+    from history.schema import CauseRow, Entry, FigureRow, FileRow
 
     row = _row_of(session, machine)
     now = datetime.datetime.now(datetime.UTC)
@@ -81,6 +98,7 @@ def enter(session: Session, machine: Machine, result: Result, *, force: bool = F
         kind=result.kind, at=utc(result.at), entered_at=utc(now), title=result.title, method=result.method,
         made_by=f"ncomp {VERSION}", document=result.document, fingerprint=content, machine=row,
         figures=[FigureRow(**each._asdict()) for each in result.figures],
+        causes=[CauseRow(**each._asdict()) for each in result.causes],
         files=[FileRow(path=str(Path(path).absolute()), fingerprint=own) for path, own in result.files.items()],
     )  # fmt: skip
     session.add(entry)
@@ -208,7 +226,8 @@ def entries_of(session: Session, machine: MachineRow | None = None, kinds: Itera
 
     from history.schema import Entry
 
-    chosen = select(Entry).options(selectinload(Entry.figures), selectinload(Entry.files)).order_by(Entry.at, Entry.id)
+    parts = selectinload(Entry.figures), selectinload(Entry.files), selectinload(Entry.causes)
+    chosen = select(Entry).options(*parts).order_by(Entry.at, Entry.id)
     if machine is not None:
         chosen = chosen.where(Entry.machine_id == machine.id)
     if kinds := tuple(kinds):

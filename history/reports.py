@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from history.causes import cause_json, causes_section
 from history.trends.report import question_of_cause, trend_sections, verdict_of
 from history.trends.series import Series
 from history.trends.trend import Trend
@@ -56,7 +57,8 @@ def show_report(
         for entry, figure in latest(entries)
     ]
     head = ("quantity", "value and U (k=2)", "unit", "date", "method")
-    sections = [*trend_sections(trends, short), Section("Latest figures", table=Table(head, rows)), _life(entries)]
+    figures = Section("Latest figures", table=Table(head, rows))
+    sections = [*trend_sections(trends, short), *causes_section(entries), figures, _life(entries)]
     verdict = "\n".join(filter(None, (verdict_of(trends), question_of_cause(trends, entries, machine))))
     return Report(f"Life of {machine}", address, sections, verdict, head=ReportHead(machine=machine))
 
@@ -75,6 +77,7 @@ def entries_json(entries: Sequence[Entry]) -> list[dict[str, Any]]:
             "entered_at": each.entered_at, "title": each.title, "method": each.method, "made_by": each.made_by,
             "fingerprint": each.fingerprint,
             "figures": [{"name": f.name, "unit": f.unit, "value": f.value, "u": f.u} for f in each.figures],
+            "causes": list(map(cause_json, each.causes)),
             "files": [{"path": file.path, "fingerprint": file.fingerprint} for file in each.files],
         }
         for each in entries
@@ -92,13 +95,14 @@ def verify_report(found: Sequence[Checked], address: str) -> Report:
 def exported(entries: Sequence[Entry]) -> dict[str, bytes]:
     """The files of an export, by name."""
     table = io.StringIO()
-    csv.writer(table, lineterminator="\n").writerows([COLUMNS, *_figure_rows(entries)])
+    csv.writer(table, lineterminator="\n").writerows([COLUMNS, *figure_rows(entries)])
     listed = msgspec.json.format(msgspec.json.encode(entries_json(entries)), indent=1)
     documents = {f"{each.id}-{each.kind}.json": each.document for each in entries if each.document is not None}
     return {"entries.json": listed + b"\n", "figures.csv": table.getvalue().encode(), **documents}
 
 
-def _figure_rows(entries: Sequence[Entry]) -> Iterator[tuple[object, ...]]:
+def figure_rows(entries: Sequence[Entry]) -> Iterator[tuple[object, ...]]:
+    """The columns of the figures, row by row."""
     for entry in entries:
         for each in entry.figures:
             yield entry.id, entry.at, entry.kind, entry.method, each.name, each.unit, each.value, each.u

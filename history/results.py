@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from history.entries import Quantity, Result
+from history.entries import FoundCause, Quantity, Result
 from kinematics.error_model.model import decode_model, refuse_other_machine
 from kinematics.files import fingerprint
 from kinematics.files.inputs import fingerprint_as_read
@@ -44,6 +44,7 @@ def of_calibration(
     files: Mapping[str, str],
     at: datetime.datetime | None = None,
     title: str = "",
+    causes: Sequence[FoundCause] = (),
 ) -> Result:
     """The entry of a calibration file; UserError for that of another machine."""
     from history.figures import of_calibration, of_effects
@@ -65,6 +66,7 @@ def of_calibration(
         method=method,
         document=content,
         figures=figures,
+        causes=causes,
         files=files,
     )
 
@@ -78,7 +80,17 @@ def of_results(
     method: str,
     files: Mapping[str, str],
     at: datetime.datetime,
+    causes: Sequence[FoundCause] = (),
 ) -> Result:
     """The entry of results for programs."""
     document = msgspec.json.format(msgspec.json.encode(results), indent=1)
-    return Result(kind=kind, at=at, title=title, method=method, document=document, figures=tuple(figures), files=files)
+    return Result(
+        kind=kind,
+        at=at,
+        title=title,
+        method=method,
+        document=document,
+        figures=tuple(figures),
+        causes=causes,
+        files=files,
+    )

@@ -5,12 +5,12 @@ A point of time is text, ISO 8601 in UTC with microseconds, which sorts by time 
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
-from sqlalchemy import Double, ForeignKey, Index, LargeBinary
+from sqlalchemy import JSON, Double, ForeignKey, Index, LargeBinary
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
-VERSION: Final = "1"
+VERSION: Final = "2"
 """Version of these tables: the revision of the last file in `migrations/versions`, which makes them."""
 
 
@@ -53,6 +53,7 @@ class Entry(Base):
     machine: Mapped[MachineRow] = relationship(lazy="joined")
     figures: Mapped[list[FigureRow]] = relationship(order_by="FigureRow.id")
     files: Mapped[list[FileRow]] = relationship(order_by="FileRow.id")
+    causes: Mapped[list[CauseRow]] = relationship(order_by="CauseRow.id")
 
 
 class FigureRow(Base):
@@ -80,3 +81,23 @@ class FileRow(Base):
     path: Mapped[str]
     """Absolute path."""
     fingerprint: Mapped[str]
+
+
+class CauseRow(Base):
+    """A cause of errors that a diagnosis has found, or one whose size has changed since the calibration before it."""
+
+    __tablename__ = "cause"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    entry_id: Mapped[int] = mapped_column(ForeignKey("entry.id"), index=True)
+    name: Mapped[str]
+    """Kind and axis: `backlash X`."""
+    verdict: Mapped[str]
+    """`strong`, `weak` or `tied`."""
+    log10_odds: Mapped[float] = mapped_column(Double)
+    """Against none."""
+    sizes: Mapped[list[dict[str, Any]]] = mapped_column(JSON)
+    """For each parameter: `name` with its unit, `value`, `u` (k = 1), `before`.
+
+    `value` is the change, if the calibration before has this cause with the value `before`; otherwise the whole size.
+    """

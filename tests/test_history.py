@@ -240,6 +240,51 @@ def test_the_migrations_make_the_tables_of_the_code(db):
     assert ScriptDirectory(str(ROOT / "history/migrations")).get_current_head() == VERSION
 
 
+def of_version_1(db: str) -> None:
+    """Make a database as version 1 had it, with one event."""
+    succeed("history", "event", "cframe", "crash", "--at", "2026-01-01", "--db", db)
+    with opened(db, writes=True) as session:
+        connection = session.connection()
+        connection.exec_driver_sql("DROP TABLE cause")
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '1'")
+
+
+def version_of(db: str) -> tuple[str, bool]:
+    """The version of the tables, and whether that of causes is there."""
+    from sqlalchemy import create_engine, inspect, text
+
+    from history.database import _url
+
+    engine = create_engine(_url(db))
+    with engine.connect() as connection:
+        found = str(connection.scalar(text("SELECT version_num FROM alembic_version")))
+        tables = inspect(connection).get_table_names()
+    engine.dispose()
+    return found, "cause" in tables
+
+
+def test_a_database_of_an_earlier_version_is_changed_when_it_is_read(db):
+    of_version_1(db)
+    assert version_of(db) == ("1", False)
+    assert [each["kind"] for each in entries(db)] == ["crash"]
+    assert version_of(db) == (VERSION, True)
+    succeed("history", "add", "cframe", "--check", CHECK, "--at", "2026-02-01", "--db", db)
+    assert [each["causes"] for each in entries(db)] == [[], []]
+
+
+KILLED_MIGRATION = KILLED.replace("INSERT INTO figure", "UPDATE alembic_version")
+
+
+def test_a_migration_that_is_interrupted_leaves_the_earlier_version(db):
+    of_version_1(db)
+    for words in (("list", "cframe"), ("event", "cframe", "moved")):
+        status, said = ended(started("history", *words, "--db", db, code=KILLED_MIGRATION))
+        assert status == -signal.SIGKILL, said
+    assert version_of(db) == ("1", False)
+    assert [each["kind"] for each in entries(db)] == ["crash"]
+    assert version_of(db) == (VERSION, True)
+
+
 def test_commands_enter_their_results(ncomp, tmp_path):
     db = tmp_path / "life.sqlite"
     (tmp_path / "mill.toml").write_text('history = "life.sqlite"\n' + (ROOT / "machines/gantry.toml").read_text())

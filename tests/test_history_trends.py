@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import refusal, succeed
+from support.history_cases import entries
 
+import ncomp
 from history.database import opened
 from history.entries import Quantity, Result, enter
 from history.trends.changes import found_in
@@ -182,3 +184,60 @@ def test_forecasts_hold_and_what_does_not_change_is_not_announced():
     print(f"{held} of 80 forecasts of 11 months held, {false} of 40 machines that do not change are said to change")
     assert held >= 0.9 * 80
     assert false == 0
+
+
+def test_the_life_of_a_machine_is_that_of_the_command(db, tmp_path):
+    limit = {"squareness X-Y": "0.012mm/300mm"}
+    found = ncomp.machine_history("cframe", db=db, limit=limit)
+    shown = tmp_path / "life.json"
+    succeed("history", "show", "cframe", "--db", db, "--limit", "squareness X-Y=0.012mm/300mm", "--json", shown)
+    as_shown = json.loads(shown.read_text())
+    assert json.loads(json.dumps(found.json()))["entries"] == as_shown["entries"]
+    assert [each["changes"] for each in found.json()["trends"]] == [each["changes"] for each in as_shown["trends"]]
+    assert found.trends[1].leaves.limit == pytest.approx(40.0)
+    assert repr(found) == f"<MachineHistory: cframe, {len(MONTHS) + 1} entries, 2 trends, 2 changes announced>"
+    assert "the dates of the crash" in found._repr_html_()
+    backlash = found.columns["name"] == "backlash X"
+    assert found.columns["value"][backlash].tolist() == found.trends[0].series.values.tolist()
+    with pytest.raises(ncomp.UserError, match="the history has no machine 'nobody'"):
+        ncomp.machine_history("nobody", db=db)
+    with pytest.raises(ncomp.UserError, match='limit="backlash": expected NAME=VALUE UNIT'):
+        ncomp.machine_history("cframe", db=db, limit="backlash")
+
+
+@pytest.mark.usefixtures("command")
+def test_which_cause_changed_is_kept_and_shown(tmp_path):
+    """A calibration, then a diagnosis against it, of a machine whose backlash has grown."""
+    db, mill = tmp_path / "life.sqlite", ("--machine", "cframe")
+    laser = ("--strategy", "axes", "--spacing", 100, "--runs", 3, "--instrument", "interferometer", "--errors", "none")
+    for name, width, day in (("march", 3, "2026-03-01"), ("june", 9, "2026-06-01")):
+        file = tmp_path / f"{name}.csv"
+        effect = ("--effect", f"backlash:axis=X,width={width}", "--seed", width)
+        succeed("simulate", *mill, *laser, *effect, "-o", file)
+        file.write_text(f"# measured: {day}\n{file.read_text()}")
+    new, results = tmp_path / "june.json", tmp_path / "results.json"
+    history = ("--history", "--db", db)
+    succeed("diagnose", tmp_path / "march.csv", *mill, "-o", tmp_path / "march.json", *history)
+    succeed(
+        "diagnose", tmp_path / "june.csv", *mill, "-c", tmp_path / "march.json", "-o", new, "--json", results, *history
+    )
+    march, june = entries(str(db))
+    assert [(each["name"], each["sizes"][0]["before"]) for each in march["causes"]] == [("backlash X", None)]
+    (backlash,) = (each for each in june["causes"] if each["name"] == "backlash X")
+    (width,) = backlash["sizes"]
+    assert (width["name"], backlash["verdict"]) == ("width_um", "strong")
+    assert abs(width["value"] - 6.0) < 1.0
+    assert 0.0 < width["u"] < 0.5
+    assert abs(width["before"] - 3.0) < 1.0
+    succeed("history", "event", "cframe", "crash", "--at", "2026-05-01", "--db", db)
+    for day, read in {"01-01": 3, "02-01": 3.3, "04-01": 2.8, "07-01": 9.1, "08-01": 8.8}.items():
+        check = ("--check", f"backlash X={read} +- 0.5 um", "--at", f"2026-{day}")
+        succeed("history", "add", "cframe", *check, "--db", db)
+    shown = succeed("history", "show", "cframe", "--db", db, "--report", tmp_path / "life.html").shown
+    assert "Which cause changed from 2026-03-01 to 2026-06-01" in shown
+    page = (tmp_path / "life.html").read_text()
+    assert f"width_um {width['value']:.2f} ±" in page
+    assert ">2026-03-01<" in page
+    succeed("history", "add", "cframe", results, "--at", "2026-06-02", "--db", db)
+    (again,) = (each for each in entries(str(db)) if each["title"] == "diagnosis, results.json")
+    assert again["causes"] == june["causes"]

@@ -19,12 +19,12 @@ from postproc.commands.table import COMMANDS
 from postproc.commands.tree import command_tree
 
 DOCS = Path(__file__).parents[1] / "docs"
-OTHER_NAMES = {"import": "import_tables", "machines": "load_machine"}
-"""Functions whose name is not that of their command: `import` is a word of Python, and `machines` shows one machine."""
+OTHER_NAMES = {"history": "machine_history", "import": "import_tables", "machines": "load_machine"}
+"""Functions whose name is not that of their command: `import` is a word of Python, `machines` shows one machine, and
+`ncomp.history` is a package of the wheel."""
 ONLY_COMMANDS = {
     "certificate": "it writes a document for people, from files of other commands",
     "doctor": "it looks at the installation, and shows what it finds",
-    "history": "it keeps what other commands wrote to files; --json and export give it to programs",
     "hook": "it writes files for a CAM, which calls the command",
     "init": "it asks, and writes a job file",
     "measure": "it asks for readings",

@@ -27,6 +27,7 @@ class Found:
     """A change, a slow change (a drift, or a walk), or the offset of a method, in a series."""
 
     kind: Kind
+    """`change`, `drift` or `method`."""
     name: str
     """Event, or method; empty where there is none."""
     size: float

@@ -81,6 +81,7 @@ class Leaving:
     """When a quantity leaves its limit."""
 
     limit: float
+    """In the unit of the quantity."""
     outside: float
     """Probability that it is outside at the begin of the forecast."""
     first: float | None

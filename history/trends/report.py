@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from history.causes import cause_of_change, odds_text
 from history.trends.changes import Found
 from history.trends.limits import FIRST, LAST, Leaving
 from history.trends.series import YEAR_S, Series, day_of, years_of
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 CHANGES = ("quantity", "what", "size and U (k=2)", "between", "odds", "verdict")
 NOW = ("quantity", "now, U (k=2)", "unit", "in a year, 95 %", "scatter", "results", "last")
 ACROSS = 2
-MOST_ODDS = 6.0
-"""Logarithm of odds that are shown as they are: a million."""
 WORDS = {"change": "change", "drift": "slow change, a year", "method": "offset of the method"}
 
 
@@ -54,8 +53,7 @@ def _announced(trend: Trend, found: Found) -> str:
 
 
 def _odds(found: Found) -> str:
-    power = found.log_odds / float(np.log(10.0))
-    return f"{10**power:.0f} to 1" if power < MOST_ODDS else f"above 10^{MOST_ODDS:.0f} to 1"
+    return odds_text(found.log_odds / float(np.log(10.0)))
 
 
 def leaving_sentences(trend: Trend, leaves: Leaving) -> Iterator[str]:
@@ -156,14 +154,16 @@ def _dates(times: Array) -> Array:
 
 
 def question_of_cause(trends: Sequence[Trend], entries: Sequence[Entry], machine: str) -> str:
-    """The diagnosis that finds which cause changed: the first data after the last change, with the calibration before.
+    """Which cause changed: the answer of a diagnosis across the last announced change, or the command that finds it.
 
-    Empty where the history has no such data or calibration.
+    That is the first data after the change, with the last calibration before it. Empty where the history has neither.
     """
     moved = [f for trend in trends for f in trend.changes if f.kind == "change" and f.verdict == "announced"]
     if not moved:
         return ""
     first, last = max((each.between for each in moved), key=lambda ends: ends[1])
+    if answer := cause_of_change(entries, day_of(first), day_of(last)):
+        return answer
     calibrations = [e for e in entries if e.kind in ("calibration", "diagnosis") and _time(e) <= first and e.figures]
     after = [e for e in entries if e.kind in ("measurement", "calibration", "diagnosis") and _time(e) >= last]
     data = next((f.path for e in after for f in e.files if Path(f.path).suffix.lower() != ".json"), None)

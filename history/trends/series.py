@@ -33,16 +33,21 @@ class Series:
     """The results of a quantity, by time."""
 
     name: str
+    """`squareness X-Y`."""
     unit: str
+    """um, um/m or urad."""
     times: Array
     """Years since 1970 `(n,)`, ascending."""
     values: Array
+    """`(n,)`, in the unit."""
     u: Array
     """Standard uncertainties, k = 1."""
     methods: tuple[str, ...]
+    """Instrument or test of each result."""
     entries: tuple[int, ...]
     """Numbers of the entries."""
     events: tuple[Event, ...] = ()
+    """Events of the machine, by time."""
 
     def until(self, time: float) -> Series:
         """What was known at a point of time."""

@@ -26,9 +26,11 @@ class Trend:
     """The trend of a quantity."""
 
     series: Series
+    """The results."""
     scatter: float
     """Standard deviation of the machine from result to result: root of the mean variance."""
     changes: tuple[Found, ...]
+    """Changes, a slow change and offsets of methods, announced and likely ones."""
     ahead: Forecast
     """From now on, or from the last result if that is later."""
     leaves: Leaving | None

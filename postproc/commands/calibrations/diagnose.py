@@ -86,14 +86,20 @@ def _write(
     from calibration.fit.beyond_measured import calibration_file
     from calibration.reports.diagnosis.document import diagnosis_json
 
+    answer = diagnosis_json(found)
     target = output if found.accepted else None
     with others.recorded(machine) as record, whole_results(*others.files, target) as (results, page, file):
-        others.write(diagnosis_json(found), report, (results, page), inputs)
+        others.write(answer, report, (results, page), inputs)
         if found.accepted:
             content = calibration_file(found.model, machine)
             file.write(content)
             title = f"diagnosis {found.model.id}: {found.headline}"
-            record(calibration_entry(machine, content, target, report, inputs, kind="diagnosis", title=title))
+            effects = answer["effects"]
+            record(
+                calibration_entry(
+                    machine, content, target, report, inputs, kind="diagnosis", title=title, effects=effects
+                )
+            )
 
 
 def _command(data: Sequence[Path], machine: str, calibration: Path | None) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.files import file_if_there
-from postproc.commands.options.recorded import Database, place_of
+from postproc.commands.options.recorded import Database
 
 EPILOG = "Examples:\n\n`ncomp history export dmu50 -o dmu50_life`"
 
@@ -24,6 +24,7 @@ def export(
     """
     from history.database import opened
     from history.entries import entries_of, machine_named
+    from history.interface import place_of
     from history.reports import exported
     from kinematics.files import write_folder
     from postproc.commands.show.terminal import say

@@ -6,7 +6,7 @@ from typing import Any
 
 from postproc.commands.options.declared import argument
 from postproc.commands.options.files import file_if_there
-from postproc.commands.options.recorded import Database, place_of
+from postproc.commands.options.recorded import Database
 from postproc.commands.options.shared import ResultOptions, whole_results
 
 EPILOG = "Examples:\n\n`ncomp history list`\n\n`ncomp history list dmu50 --json -`"
@@ -21,6 +21,7 @@ def list(
     """List the machines of the history, or the results and events of one machine by their dates."""
     from history.database import opened, shown
     from history.entries import entries_of, lives, machine_named
+    from history.interface import place_of
     from history.reports import entries_json, list_report, machines_report
     from postproc.commands.show.terminal import show
 

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 import ncomp
-from history.entries import Quantity, Result
+from history.entries import FoundCause, Quantity, Result
 from history.results import fingerprints, instant, of_calibration, of_results
 from kinematics.files import read_input
 from kinematics.files.certificate import carried
@@ -64,6 +64,7 @@ def _calibration(machine: Machine, path: Path, content: bytes, at: datetime.date
 
 def _results(machine: Machine, path: Path, content: bytes, at: datetime.datetime | None) -> Result:
     """The results of a command for programs."""
+    from history.causes import of_diagnosis
     from history.figures import of_axes, of_circles
 
     try:
@@ -76,16 +77,18 @@ def _results(machine: Machine, path: Path, content: bytes, at: datetime.datetime
     if at is None:
         raise UserError(f"{path}: results have no date: give that of the measurement with --at 2026-03-01")
     figures: Sequence[Quantity] = ()
+    causes: Sequence[FoundCause] = ()
     if "axes" in found:
         kind, figures = "iso230-2", of_axes(found["axes"])
     elif "tests" in found and "causes" in found:
         kind, figures = "iso230-4", of_circles(machine, found)
     elif "effects" in found and "before" in found:
-        kind = "diagnosis"
+        kind, causes = "diagnosis", of_diagnosis(found["effects"])
     else:
         raise UserError(f"{path}: the history has no place for these results: {OTHERS}")
     title = f"{kind}, {path.name}"
-    return of_results(kind, title, found, figures, method=kind, files=fingerprints([path]), at=at)
+    files = fingerprints([path])
+    return of_results(kind, title, found, figures, method=kind, files=files, at=at, causes=causes)
 
 
 def _measurement(machine: Machine, path: Path, at: datetime.datetime | None) -> Result:

@@ -7,7 +7,7 @@ from collections import Counter
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument
 from postproc.commands.options.files import file_if_there
-from postproc.commands.options.recorded import Database, place_of
+from postproc.commands.options.recorded import Database
 from postproc.commands.options.shared import ResultOptions, whole_results
 
 EPILOG = "Examples:\n\n`ncomp history verify`\n\n`ncomp history verify dmu50 --json -`"
@@ -25,6 +25,7 @@ def verify(
     """
     from history.database import opened, shown
     from history.entries import check_files, entries_of, machine_named
+    from history.interface import place_of
     from history.reports import verify_report
     from postproc.commands.show.terminal import show
 

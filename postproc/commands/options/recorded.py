@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -109,10 +109,15 @@ def calibration_entry(
     *,
     kind: str = "calibration",
     title: str = "",
+    effects: Sequence[Mapping[str, Any]] = (),
 ) -> Callable[[], Result]:
-    """Makes the entry of a calibration that is written to a file; report: the page of its result."""
+    """Makes the entry of a calibration that is written to a file; report: the page of its result.
+
+    effects: those in the results of a diagnosis.
+    """
 
     def made() -> Result:
+        from history.causes import of_diagnosis
         from history.results import fingerprints, instant, of_calibration
         from kinematics.files import fingerprint
 
@@ -121,7 +126,8 @@ def calibration_entry(
         method = f"{report.head.instrument or kind} {report.head.instrument_number}".strip()
         given = {"kind": kind, "method": method, "title": title}
         at = instant(None) if kind == "check" else None
-        return of_calibration(machine, content, str(output), files=files, at=at, **given)
+        causes = of_diagnosis(effects)
+        return of_calibration(machine, content, str(output), files=files, at=at, causes=causes, **given)
 
     return made
 
@@ -170,19 +176,3 @@ def entering(machine: Machine, db: str | None, results: Iterable[Result], *, for
     for line in lines:
         say("note", line)
     say("note", f"history {shown(address)}")
-
-
-def place_of(machine: str | None, db: str | None) -> tuple[str, str | None]:
-    """The database, and the name of the machine in it; machine: a name, also of one without a file, or a file."""
-    import ncomp
-    from history.database import default_address
-
-    if machine is None:
-        return db or default_address(), None
-    try:
-        found = ncomp.load_machine(machine)
-    except UserError:
-        if machine.lower().endswith(".toml"):
-            raise
-        return db or default_address(), machine
-    return db or found.history or default_address(), found.name
