@@ -1,29 +1,28 @@
 """Error motions at constant conditions as piecewise polynomials of the position of each axis.
 
 A table holds the six error motions of an axis, in its error frame, on the union of the nodes of all its
-effects; pieces are halved until they agree with `ErrorModel.errors` to EXACT. With play, an axis has a table for each
-direction of approach. Effects that no table holds (of several axes, with jumps, with a memory of the moves) are
-evaluated as they are and added.
+effects; pieces are halved until they agree with `ErrorModel.errors` to EXACT. Effects that depend on the direction of
+approach have a table of their own, with pieces for each direction. Effects that no table holds (of several axes, with
+jumps, with a memory of the moves) are evaluated as they are and added. Beyond the reach of its tables, an axis whose
+errors repeat with the turn is looked up a whole number of turns back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from itertools import pairwise
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.piecewise import AT_TESTS, DEGREE, TESTS, Curvature, Table
 from kinematics.machine import TURN, Axis, Machine, NDArrayBool
 from kinematics.state import State
 from kinematics.transforms import Array, read_only
 from kinematics.turn import knots_of
 
-DEGREE = 6
 EXACT = 1e-12
 """mm and rad."""
 MARGIN = 5.0
@@ -39,142 +38,16 @@ ROUNDING = EXACT / 1000.0
 STEP = 4.0 * EXACT
 """Difference between the ends of two pieces that meet in a smooth error, mm and rad, at most."""
 HALVINGS = 12
-FEW = 24
-"""Pieces, and changes of the piece from row to row, up to which they are evaluated one after the other."""
+WHOLE_TURN = 2.0 * np.pi
+"""rad."""
+TURNS_AWAY, REPEATS = (-1, 7), 499
+"""Turns after which it is tested that errors repeat, and number of positions: a prime, so that no wave hides."""
 NODES = read_only(np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
-TESTS = read_only(np.linspace(-1.0, 1.0, 16) * (1.0 - 1e-9))
-"""Where a piece is fitted and where it is tested, in its own coordinate -1 ... 1."""
+"""Where a piece is fitted, in its own coordinate -1 ... 1."""
 FIT = read_only(np.linalg.inv(np.vander(NODES, DEGREE + 1, increasing=True)))
-AT_TESTS = read_only(np.vander(TESTS, DEGREE + 1, increasing=True))
 
 ConstantConditions = Callable[[Array, Array | None], State]
 """The state at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`."""
-
-
-class Table(NamedTuple):
-    """Pieces of the error motions of an axis; in the directions backward, 0 and forward one after the other if there is
-    play."""
-
-    breaks: Array
-    """Ends of the pieces `(pieces + 1,)`, mm or rad."""
-    coefficients: Array
-    """`(degree + 1, 6, directions * pieces)`, mm and rad, by powers of the coordinate of a piece, at least 1."""
-    directed: bool
-
-    def put(self, x: Array, approach: Array | None, values: Array) -> None:
-        """Error motions at positions `(n,)` inside the breaks, approached in directions `(n,)`, into `values` `(6, n)`.
-
-        Between two directions, within the play, they are interpolated. A row is evaluated in the same steps, whichever
-        other rows there are.
-        """
-        if self.directed and approach is not None:
-            inside = np.flatnonzero(approach != np.rint(approach))
-            if len(inside):
-                self._put_between(inside, x, approach, values)
-                return
-        pieces = len(self.breaks) - 1
-        piece = np.searchsorted(self.breaks[1:-1], x, side="right")
-        if self.directed and approach is not None:
-            piece += pieces * (approach.astype(int) + 1)
-        ends = np.append(np.flatnonzero(piece[1:] != piece[:-1]) + 1, len(piece)).tolist()
-        if len(ends) <= FEW:  # a smooth path: no row is copied
-            for first, end in pairwise([0, *ends]):
-                self._put(piece[first : first + 1], x[first:end], values[:, first:end])
-            return
-        low = int(piece.min())
-        present = low + np.flatnonzero(np.bincount(piece - low))
-        if len(present) > FEW:
-            self._put(piece, x, values)
-            return
-        for one in present:
-            rows = np.flatnonzero(piece == one)
-            part = np.empty((6, len(rows)))
-            self._put(np.array([one]), x[rows], part)
-            values[:, rows] = part
-
-    def _put_between(self, inside: np.ndarray, x: Array, approach: Array, values: Array) -> None:
-        """As `put`; `inside`: the rows between two directions."""
-        low = np.floor(approach)
-        self.put(x, low, values)
-        upper = np.empty((6, len(inside)))
-        self.put(np.ascontiguousarray(x[inside]), low[inside] + 1.0, upper)
-        share = (approach - low)[inside]
-        values[:, inside] = (1.0 - share) * values[:, inside] + share * upper
-
-    def largest(self, low: float, high: float) -> Array:
-        """Largest sizes and slopes `(2, 2)` of the translations and of the rotations, from the pieces between."""
-        pieces = len(self.breaks) - 1
-        inside = np.tile((self.breaks[1:] > low) & (self.breaks[:-1] < high), self.coefficients.shape[2] // pieces)
-        half = np.tile(np.diff(self.breaks) / 2.0, self.coefficients.shape[2] // pieces)[inside]
-        coefficients, powers = self.coefficients[:, :, inside], np.arange(float(len(self.coefficients)))[:, None, None]
-        values = np.einsum("sd,dcp->csp", AT_TESTS[:, : len(coefficients)], coefficients)
-        slopes = np.einsum("sd,dcp->csp", AT_TESTS[:, : len(powers) - 1], powers[1:] * coefficients[1:]) / half
-        return np.stack([_lengths(each.reshape(6, -1)).max(axis=1) for each in (values, slopes)])
-
-    def _put(self, piece: np.ndarray, x: Array, values: Array) -> None:
-        """As `put`, at positions in pieces `(n,)`, or in one piece `(1,)` (Horner)."""
-        first = piece % (len(self.breaks) - 1)
-        low, high = self.breaks[first], self.breaks[first + 1]
-        u = (x - (low + high) / 2.0) / ((high - low) / 2.0)
-        constant, *coefficients, last = self.coefficients
-        np.multiply(last[:, piece], u, out=values)
-        for coefficient in reversed(coefficients):
-            values += coefficient[:, piece]
-            values *= u
-        values += constant[:, piece]
-
-
-class Curvature:
-    """Bounds of the pieces of an axis: of its translations, mm, and of its rotations, rad."""
-
-    def __init__(self, table: Table) -> None:
-        self.breaks = table.breaks
-        pieces = len(table.breaks) - 1
-        powers = np.arange(float(len(table.coefficients)))[:, None, None]
-        half = np.tile(np.diff(table.breaks) / 2.0, table.coefficients.shape[2] // pieces)
-        sizes = np.abs(table.coefficients)
-        self.size, self.slope, self.second = (
-            _lengths(part).max(axis=1)
-            for part in (
-                sizes.sum(axis=0),
-                (powers * sizes).sum(axis=0) / half,
-                (powers * (powers - 1.0) * sizes).sum(axis=0) / half**2,
-            )
-        )
-        signs = np.where(powers % 2.0 == 0.0, 1.0, -1.0)
-        ends = [(sign * table.coefficients).sum(axis=0) for sign in (1.0, signs)]
-        slopes = [(sign * powers * table.coefficients).sum(axis=0) / half for sign in (1.0, -signs)]
-        self.steps, self.kinks = (_sums(upper, lower, pieces) for upper, lower in (ends, slopes))
-
-    def along(self, low: Array, high: Array, way: Array, bend: Array) -> list[tuple[Array, Array, Array]]:
-        """Bounds of the size, the change and the bend `(n,)` of the translations, and of the rotations.
-
-        Along paths of these lengths between positions `(n,)` from which the position in the middle deviates by
-        `bend` / 2; terms as in `kinematics.second_differences`.
-        """
-        inner = self.breaks[1:-1]
-        first = np.searchsorted(inner, low - bend / 2.0, side="left")
-        last = np.searchsorted(inner, high + bend / 2.0, side="right")
-        found = []
-        for k in (0, 1):
-            kinks, steps = (sums[k, last] - sums[k, first] for sums in (self.kinks, self.steps))
-            change = self.slope[k] * (way + bend) + 2.0 * steps
-            bent = self.second[k] * way**2 / 4.0 + kinks * way / 2.0 + self.slope[k] * bend + 3.0 * steps
-            found.append((np.full(len(way), self.size[k]), change, bent))
-        return found
-
-
-def _lengths(components: Array) -> Array:
-    """Lengths `(2, k)` of translations and rotations of components `(6, k)`."""
-    return np.stack([np.linalg.norm(components[:3], axis=0), np.linalg.norm(components[3:], axis=0)])
-
-
-def _sums(upper: Array, lower: Array, pieces: int) -> Array:
-    """Sums `(2, pieces)` up to each piece of the differences between the ends of pieces that meet."""
-    directions = upper.shape[1] // pieces
-    last, first = (ends.reshape(6, directions, pieces) for ends in (upper, lower))
-    differences = np.stack([_lengths(first[:, way, 1:] - last[:, way, :-1]) for way in range(directions)]).max(axis=0)
-    return np.concatenate([np.zeros((2, 1)), np.cumsum(differences, axis=1)], axis=1)
 
 
 class ErrorMotions:
@@ -182,28 +55,37 @@ class ErrorMotions:
 
     def __init__(self, machine: Machine, model: ErrorModel, state: ConstantConditions) -> None:
         self.machine, self.model, self._state = machine, model, state
-        self._last: dict[int, tuple[Array, Array | None, Array]] = {}
-        """By axis: positions, directions and error motions of the last evaluation."""
+        self._last: dict[tuple[int, int], tuple[Array, Array | None, Array]] = {}
+        """By axis and number of its table: positions, directions and error motions of the last evaluation."""
         self._without_table: set[int] = set()
         """Columns of axes for which no table becomes exact."""
         bare = msgspec.structs.replace(model, covariance=None)
         while True:
             held = bare.part(self._in_table)
-            tables, failed = _tables(machine, held, state)
+            found = [
+                _tables(machine, held.part(_is_directed if directed else _is_not_directed), state, directed)
+                for directed in (False, True)
+            ]
+            failed = found[0][1] | found[1][1]
             if not failed:
                 break
             self._without_table |= failed
+        self._in_tables = held
         self._rest = bare.part(lambda effect: effect.ACTS_ON != "instrument" and not self._in_table(effect))
-        self.tables = tables
-        """By column of the axis."""
+        self.tables = {
+            i: tuple(tables[i] for tables, _ in found if i in tables)
+            for i in range(len(machine.axes))
+            if any(i in tables for tables, _ in found)
+        }
+        """By column of the axis: of the effects that do not depend on directions, and of those that do."""
         directions = np.zeros((1, len(machine.axes)))
         self.tool = held.errors(machine, state(np.zeros_like(directions), directions))[:, len(machine.axes)].T
         """Displacement of the tool `(6, 1)`, mm and rad."""
 
     @cached_property
-    def curvatures(self) -> dict[int, Curvature]:
-        """By column of the axis."""
-        return {i: Curvature(table) for i, table in self.tables.items()}
+    def curvatures(self) -> dict[int, tuple[Curvature, ...]]:
+        """By column of the axis, of its tables."""
+        return {i: tuple(map(Curvature, tables)) for i, tables in self.tables.items()}
 
     @cached_property
     def slope(self) -> float:
@@ -211,11 +93,11 @@ class ErrorMotions:
 
         Over the travel, for a tool point that is ARM away from the axes.
         """
-        jumps = (bounds.steps.max() > STEP * len(bounds.breaks) for bounds in self.curvatures.values())
+        jumps = (bounds.steps.max() > STEP * len(bounds.breaks) for each in self.curvatures.values() for bounds in each)
         if not self.complete or any(jumps):
             return np.inf
         total = 0.0
-        for i, table in self.tables.items():
+        for i, table in ((i, table) for i, tables in self.tables.items() for table in tables):
             sizes, slopes = table.largest(*self.machine.travel[:, i])
             total += sizes[1] + (slopes[0] + ARM * slopes[1] if i in self.machine.translators else 0.0)
         return float(total)
@@ -234,51 +116,103 @@ class ErrorMotions:
         """Error motions `(n, axes + 1, 6)` at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`.
 
         As `ErrorModel.errors` at the constant conditions, to EXACT; a row by the same steps, whichever rows there are
-        beside it. UserError if the model needs directions and there
-        are none.
+        beside it. UserError if the model needs directions and there are none.
         """
-        held = self._held(q, approach)
+        near = self._turned_back(q)
+        held = self._held(near, approach)
         if not held.any():
             return self.model.errors(self.machine, self._state(q, approach))
         if held.all():
-            result = self._by_tables(q, approach)
+            result = self._by_tables(near, approach)
         else:
             result = self.model.errors(self.machine, self._state(q, approach))
-            result[held] = self._by_tables(q[held], None if approach is None else approach[held])
+            result[held] = self._by_tables(near[held], None if approach is None else approach[held])
         if self._rest.effects:
             rest = self._rest.errors(self.machine, self._state(q, approach))
             result = result + np.where(held[:, None, None], rest, 0.0)
         return result
+
+    def turns_away(self, i: int, low: Array, high: Array) -> Array:
+        """Whole turns `(n,)`, rad, after which an axis has the errors that tables hold, at positions from low to high.
+
+        low, high `(n,)`, rad. 0 where the tables reach, and for axes whose errors do not repeat with the turn.
+        """
+        first, last = self.tables[i][0].breaks[[0, -1]]
+        beyond = (low < first) | (high > last)
+        if not beyond.any() or i not in self._repeating:
+            return np.zeros(len(low))
+        return np.where(beyond, np.floor((low - first) / WHOLE_TURN) * WHOLE_TURN, 0.0)
+
+    @cached_property
+    def _repeating(self) -> frozenset[int]:
+        """Columns of the axes whose errors in tables repeat with the turn, as samples show it."""
+        turning = [i for i in self.tables if self.machine.axes[i].turns_fully]
+        q, turn = np.zeros((REPEATS, len(self.machine.axes))), np.zeros(len(self.machine.axes))
+        for i in turning:
+            first, last = self.tables[i][0].breaks[[0, -1]].tolist()
+            q[:, i], turn[i] = np.linspace(first, last, REPEATS), WHOLE_TURN
+        differences = np.zeros(len(self.machine.axes) + 1)
+        directed = any(tables[-1].directed for tables in self.tables.values())
+        for way in (-1.0, 0.0, 1.0) if directed else (0.0,):
+            there, *others = (
+                self._in_tables.errors(self.machine, self._state(q + k * turn, np.full_like(q, way)))
+                for k in (0, *TURNS_AWAY)
+            )
+            for each in others:
+                differences = np.maximum(differences, np.abs(each - there).max(axis=(0, 2)))
+        return frozenset(i for i in turning if differences[i] < EXACT)
+
+    def _turned_back(self, q: Array) -> Array:
+        """The positions `(n, axes)`, mm and rad, with those beyond the reach of the tables whole turns back."""
+        near = q
+        for i in self.tables:
+            if self.machine.axes[i].turns_fully:
+                away = self.turns_away(i, q[:, i], q[:, i])
+                if away.any():
+                    near = q.copy() if near is q else near
+                    near[:, i] -= away
+        return near
 
     def _by_tables(self, q: Array, approach: Array | None) -> Array:
         """Error motions `(n, axes + 1, 6)` of the effects in tables and of the tool."""
         axes = len(self.machine.axes)
         errors = np.empty((axes + 1, 6, len(q)))
         for i in range(axes):
-            if i in self.tables:
-                self._put(i, q, approach, errors[i])
-            else:
-                errors[i] = 0.0
+            self._put(i, q, approach, errors[i])
         errors[axes] = self.tool
         return read_only(np.moveaxis(errors, 2, 0))  # those of the last evaluation are kept
 
     def _put(self, i: int, q: Array, approach: Array | None, values: Array) -> None:
-        """Error motions of one axis into `values` `(6, n)`; those of the last evaluation if it has not moved since."""
-        table, x = self.tables[i], np.ascontiguousarray(q[:, i])
-        came = approach[:, i] if table.directed and approach is not None else None
-        known = self._last.get(i)
-        if known is not None and all(map(_equal, known[:2], (x, came))):
-            values[:] = known[2]
+        """Error motions of one axis into `values` `(6, n)`."""
+        tables = self.tables.get(i, ())
+        if not tables:
+            values[:] = 0.0
             return
+        x = np.ascontiguousarray(q[:, i])
+        for number, table in enumerate(tables):
+            came = approach[:, i] if table.directed and approach is not None else None
+            found = self._of_table((i, number), table, x, came)
+            if number:
+                values += found
+            else:
+                values[:] = found
+
+    def _of_table(self, key: tuple[int, int], table: Table, x: Array, came: Array | None) -> Array:
+        """Error motions `(6, n)` of a table; those of the last evaluation if the axis has not moved since."""
+        known = self._last.get(key)
+        if known is not None and all(map(_equal, known[:2], (x, came))):
+            return known[2]
+        values = np.empty((6, len(x)))
         table.put(x, came, values)
-        self._last[i] = x.copy(), None if came is None else came.copy(), values
+        self._last[key] = x.copy(), None if came is None else came.copy(), values
+        return values
 
     def _held(self, q: Array, approach: Array | None) -> NDArrayBool:
         """True `(n,)` for the positions to which the tables reach; for none if they need directions and have none."""
-        if approach is None and any(table.directed for table in self.tables.values()):
+        if approach is None and any(tables[-1].directed for tables in self.tables.values()):
             return np.zeros(len(q), bool)
         held = np.ones(len(q), bool)
-        for i, table in self.tables.items():
+        for i, (table, *_) in self.tables.items():
             held &= (q[:, i] >= table.breaks[0]) & (q[:, i] <= table.breaks[-1])
         return held
 
@@ -300,6 +234,15 @@ def _axis_of(effect: Effect, machine: Machine) -> int | None:
     return -1
 
 
+def _is_directed(effect: Effect) -> bool:
+    """True for an effect that depends on the direction of approach."""
+    return "approach" in effect.needs
+
+
+def _is_not_directed(effect: Effect) -> bool:
+    return not _is_directed(effect)
+
+
 def _reach(axis: Axis) -> tuple[float, float]:
     """Lower and upper end of the table of an axis, mm or degrees."""
     endless = ENDLESS_TURNS * TURN if axis.rotary else ENDLESS_MM
@@ -307,10 +250,14 @@ def _reach(axis: Axis) -> tuple[float, float]:
     return (low - MARGIN if np.isfinite(low) else -endless), (high + MARGIN if np.isfinite(high) else endless)
 
 
-def _tables(machine: Machine, model: ErrorModel, state: ConstantConditions) -> tuple[dict[int, Table], set[int]]:
-    """Tables by column of the axis, and the axes for which no table becomes exact."""
+def _tables(
+    machine: Machine, model: ErrorModel, state: ConstantConditions, directed: bool
+) -> tuple[dict[int, Table], set[int]]:
+    """Tables by column of the axis, and the axes for which no table becomes exact.
+
+    directed: the effects depend on the direction of approach.
+    """
     breaks: dict[int, Array] = {}
-    directed = set()
     for effect in model.effects:
         for name, basis in (effect.position_bases or {}).items():
             i = machine.index(name)
@@ -319,8 +266,6 @@ def _tables(machine: Machine, model: ErrorModel, state: ConstantConditions) -> t
             knots = [] if basis is None else knots_of(axis, basis, low, high)
             nodes = np.array([low, *axis.travel, high, *knots]) * machine.scale[i]
             breaks[i] = np.concatenate([breaks.get(i, np.empty(0)), nodes[np.isfinite(nodes)]])
-            if "approach" in effect.needs:
-                directed.add(i)
     open_pieces = {i: _distinct(found) for i, found in breaks.items()}
     done: dict[int, list[tuple[Array, Array, Array]]] = {i: [] for i in breaks}
     for _ in range(HALVINGS):
@@ -343,7 +288,7 @@ def _tables(machine: Machine, model: ErrorModel, state: ConstantConditions) -> t
         sizes = np.abs(flat).max(axis=(1, 2), initial=0.0)
         degree = int(np.flatnonzero(sizes >= ROUNDING).max(initial=1))
         nodes = np.append(first[order], last[order][-1:])
-        tables[i] = Table(nodes, np.ascontiguousarray(flat[: degree + 1]), i in directed)
+        tables[i] = Table(nodes, np.ascontiguousarray(flat[: degree + 1]), directed)
     return tables, set(open_pieces)
 
 
@@ -359,7 +304,7 @@ def _fitted(
     model: ErrorModel,
     state: ConstantConditions,
     pieces: dict[int, Array],
-    directed: set[int],
+    directed: bool,
 ) -> dict[int, tuple[Array, Array, Array, np.ndarray]]:
     """By axis: ends of its pieces, coefficients `(directions, degree, 6, pieces)`, and true for exact pieces.
 
@@ -373,13 +318,11 @@ def _fitted(
     q = np.zeros((max(map(len, points.values()), default=0), len(machine.axes)))
     for i, x in points.items():
         q[: len(x), i], q[len(x) :, i] = x, x[0]
-    errors = {
-        way: model.errors(machine, state(q, np.full_like(q, way))) for way in ((-1.0, 0.0, 1.0) if directed else (0.0,))
-    }
+    ways = (-1.0, 0.0, 1.0) if directed else (0.0,)
+    errors = [model.errors(machine, state(q, np.full_like(q, way))) for way in ways]
     found = {}
     for i, (first, last) in pieces.items():
-        ways = (-1.0, 0.0, 1.0) if i in directed else (0.0,)
-        values = np.array([errors[way][: len(points[i]), i] for way in ways])
+        values = np.array([each[: len(points[i]), i] for each in errors])
         values = values.reshape(len(ways), len(samples), len(first), 6).swapaxes(2, 3)
         coefficients = np.einsum("ds,wscp->wdcp", FIT, values[:, : DEGREE + 1])
         tested = np.einsum("sd,wdcp->wscp", AT_TESTS, coefficients)

@@ -167,9 +167,9 @@ class SecondDifferences:
 
     def _of(self, stretches: _Stretches, turned: NDArrayBool) -> Array:
         """Bounds `(n,)`, mm; turned `(n,)` as for `bounds`."""
-        machine, curvatures = self.machine, self._motions.curvatures
+        machine = self.machine
         low, high, way, bend, reach, datum = stretches
-        n = len(bend)
+        n, held = len(bend), np.ones(len(bend), bool)
         front = turning(sum((way[i] for i in self._in_front or ()), np.zeros(n)))
         bends = [np.zeros(n) if axis.rotary else bend for axis in machine.axes]
         point, error = Along(reach), NOTHING
@@ -187,9 +187,8 @@ class SecondDifferences:
                 point, error = turn.times(point), turn.times(error)
             if not head:
                 point = point.plus(moved)
-            if i in curvatures:
-                along = curvatures[i].along(low[i], high[i], way[i], bends[i])
-                translation, w = (Along(*bounds) for bounds in along)
+            if i in self._motions.tables:
+                translation, w = self._along(i, (low[i], high[i]), way[i], bends[i], held)
                 rotation = Along(w.size, w.change, w.bend + w.change**2 / 2.0)
                 here = translation.plus(rotation.times(point))
                 point, error = point.plus(here), error.plus(here)
@@ -199,10 +198,24 @@ class SecondDifferences:
                 point = point.plus(moved)
             point = point.plus(centre)
         along_axes = front.times(error.plus(Along(datum))).bend * self._inverse
-        held = np.ones(n, bool)
-        for i, curvature in curvatures.items():
-            held &= (low[i] - bends[i] >= curvature.breaks[0]) & (high[i] + bends[i] <= curvature.breaks[-1])
         return np.where(held, np.where(turned, np.maximum(along_axes, error.bend), error.bend), np.inf)
+
+    def _along(
+        self, i: int, ends: tuple[Array, Array], way: Array, bend: Array, held: NDArrayBool
+    ) -> tuple[Along, Along]:
+        """Bounds of the translations and the rotations of an axis along paths between its positions `ends`.
+
+        held `(n,)` becomes false where the paths leave the reach of the tables.
+        """
+        away = self._motions.turns_away(i, *ends)
+        low, high, curvatures = ends[0] - away, ends[1] - away, self._motions.curvatures[i]
+        breaks = curvatures[0].breaks
+        held &= (low - bend >= breaks[0]) & (high + bend <= breaks[-1])
+        found = NOTHING, NOTHING
+        for curvature in curvatures:
+            translation, rotation = (Along(*bounds) for bounds in curvature.along(low, high, way, bend))
+            found = found[0].plus(translation), found[1].plus(rotation)
+        return found
 
     def _bend_under_tcp(self, start: Array, end: Array, tool: Array, front: Along) -> Array:
         """Bounds `(n,)`, mm, of the second difference of the linear axes."""

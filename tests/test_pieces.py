@@ -114,6 +114,22 @@ def test_axes_that_turn_round(basis):
         ).complete
 
 
+def test_an_axis_far_beyond_its_turn_is_looked_up_whole_turns_back():
+    """In one step with rows inside the turn, to EXACT; a wave that does not close with the turn is evaluated there."""
+    closing = Cyclic("C", "C", 20.0, (9.0,), (4.0,))
+    q = np.zeros((400, 5))
+    q[:, 4], q[:, 0] = 100.0, np.linspace(-4000.0, 4000.0, 400) * np.pi / 180.0
+    for wave, repeats in ((closing, True), (Cyclic("C", "C", 21.0, (9.0,), (4.0,)), False)):
+        model = model_of(DMU50, *random_model(DMU50, 4).effects, wave, Backlash("C", 8.0))
+        motions = ErrorMotions(DMU50, model, constant)
+        approach = np.where(np.arange(400)[:, None] % 3, 1.0, -0.4) * np.ones(5)
+        expected = model.errors(DMU50, constant(q, approach))
+        np.testing.assert_allclose(motions.at(q, approach), expected, rtol=0.0, atol=2e-12)
+        away = motions.turns_away(0, q[:, 0], q[:, 0])
+        assert (away != 0.0).any() == repeats
+        np.testing.assert_allclose(away, np.rint(away / (2.0 * np.pi)) * 2.0 * np.pi, atol=1e-12)
+
+
 def test_positions_beyond_the_tables_are_evaluated_by_the_model():
     model, q = random_model(DMU50, 3), np.tile([0.0, 0.0, 9000.0, 0.0, 0.0], (3, 1))
     np.testing.assert_array_equal(ErrorMotions(DMU50, model, constant).at(q), model.errors(DMU50, constant(q)))
