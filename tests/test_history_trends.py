@@ -230,7 +230,7 @@ def test_which_cause_changed_is_kept_and_shown(tmp_path):
     assert 0.0 < width["u"] < 0.5
     assert abs(width["before"] - 3.0) < 1.0
     succeed("history", "event", "cframe", "crash", "--at", "2026-05-01", "--db", db)
-    for day, read in {"01-01": 3, "02-01": 3.3, "04-01": 2.8, "07-01": 9.1, "08-01": 8.8}.items():
+    for day, read in {"01-01": -3, "02-01": -3.3, "04-01": -2.8, "07-01": -9.1, "08-01": -8.8}.items():
         check = ("--check", f"backlash X={read} +- 0.5 um", "--at", f"2026-{day}")
         succeed("history", "add", "cframe", *check, "--db", db)
     shown = succeed("history", "show", "cframe", "--db", db, "--report", tmp_path / "life.html").shown
