@@ -106,12 +106,17 @@ class Score:
 
 
 def is_true(found: Found, own: Life, name: str) -> bool:
-    """True where an announced change is one of those that were made; a slow one, at least half of it."""
+    """True where an announced change is one of those that were made.
+
+    A slow one is true where at least half of it has come, and, if it is less than its U, where the machine wanders.
+    """
     if found.kind == "method":
         return own.other_tracker
     low, high = found.between
     if name in own.rate:
         return True
+    if found.kind == "drift" and abs(found.size) < 2.0 * found.u:
+        return bool(np.ptp(own.walks[name]) > 0.0)
     if found.kind == "drift":
         moved = float(np.diff(own.truth(name, np.array([low, high])))[0])
         return moved * found.size > 0.0 and abs(moved) > abs(found.size) * (high - low) / 2.0

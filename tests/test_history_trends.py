@@ -51,6 +51,12 @@ def test_a_machine_that_does_not_change_announces_nothing(seed):
     assert changes(series(0.0 * MONTHS, seed=seed)) == []
 
 
+def test_many_results_do_not_take_the_scatter_for_a_walk():
+    """260 results know their scatter, which is between two sizes of the prior, to 4 %."""
+    weeks = np.arange(260) / 52.0
+    assert changes(series(0.0 * weeks, weeks, u=1.0, seed=95)) == []
+
+
 def test_a_change_is_announced_with_its_size_and_its_dates():
     (found,) = changes(series(np.where(MONTHS >= 2.0, 12.0, 0.0)))
     assert (found.kind, found.verdict) == ("change", "announced")

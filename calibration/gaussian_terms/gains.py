@@ -19,7 +19,7 @@ def log_gains(blocks: Array, along: Array, sizes: Array, factor: float) -> Array
     return log_gains_by_squares(np.maximum(values, 0.0), turned**2, sizes, factor)
 
 
-def log_gains_by_squares(values: Array, squares: Array, sizes: Array, factor: float) -> Array:
+def log_gains_by_squares(values: Array, squares: Array, sizes: Array, factor: float | Array) -> Array:
     """As `log_gains`, from the eigenvalues `(b, w)` of the products, and squares `(b, w)` along their eigenvectors.
 
     The squares may be those that are expected of a signal, with those of the noise, `factor` times the eigenvalues.

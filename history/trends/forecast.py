@@ -14,11 +14,13 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, ndtr
 
-from history.trends.model import Noise, Structure
+from history.trends.model import Structure, White
 from kinematics.transforms import Array
 
 BAND = 0.95
 """Probability of the band."""
+LEAST = 1e-9
+"""Probability, against the likeliest, below which a noise does not count."""
 BISECTIONS = 60
 """Steps to the ends of the band, each half as large as the one before."""
 
@@ -92,19 +94,23 @@ def _parts(structure: Structure, log_prior: float, times: Array) -> Iterator[_Pa
     values = [[1.0, *(structure.candidates[k].at(time - last) for k in structure.present)] for time in times.tolist()]
     ahead = np.array(values).T
     middle = float(np.median(series.values))
-    each = zip(structure.noises, structure.posteriors, structure.log_evidences.tolist(), strict=True)
-    for noise, posterior, log_evidence in each:
-        shared = _shared(noise, series.times, times)
-        design = noise.columns[:, own]
-        residual = noise.values - design @ posterior.mean
+    log_evidences = structure.log_evidences
+    counted = np.flatnonzero(log_evidences > log_evidences.max() + np.log(LEAST)).tolist()
+    shares = {id(white): _shared(white, series.times, times) for white in (structure.noises[k].white for k in counted)}
+    for k in counted:
+        noise, posterior = structure.noises[k], structure.posteriors[k]
+        shared = shares[id(noise.white)]
+        design = noise.white.columns[:, own]
+        residual = noise.white.values - design @ posterior.mean
         free = ahead - design.T @ shared
-        walked = noise.walk**2 * (times - series.times[0]) - np.sum(shared**2, axis=0)
-        variance = walked + np.sum(free * (posterior.covariance @ free), axis=0)
+        walked = noise.white.walk**2 * (times - series.times[0]) - np.sum(shared**2, axis=0)
+        variance = noise.factor * walked + np.sum(free * (posterior.covariance @ free), axis=0)
         mean = middle + posterior.mean @ ahead + residual @ shared
-        yield _Part(log_evidence + log_prior, mean, np.sqrt(np.maximum(variance, np.finfo(float).tiny)))
+        deviation = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
+        yield _Part(float(log_evidences[k]) + log_prior, mean, deviation)
 
 
-def _shared(noise: Noise, before: Array, times: Array) -> Array:
+def _shared(noise: White, before: Array, times: Array) -> Array:
     """White covariances `(n, t)` of the results with the walk at later times."""
     covariance = noise.walk**2 * np.minimum((before - before[0])[:, None], times - before[0])
     return np.asarray(solve_triangular(noise.low, covariance, lower=True))

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby, pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
 from calibration.diagnosis.search import PRESENT
-from calibration.gaussian_terms.gains import log_gains
+from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from history.trends.series import Series
 from kinematics.error_model.priors import SIZES, Priors
@@ -35,6 +36,8 @@ FREE = 1e3
 """Prior size of the level, in typical sizes: nothing is known of it."""
 WALKS = 0.5
 """Probability that a machine wanders: by seasons, its foundation, guides that run in; as likely as not."""
+STEP = 2.0
+"""Step of the logarithm of the variance of a result, by 1 / sqrt(n): n results tell it to sqrt(2 / n)."""
 MOST_TERMS = 12
 """Most terms of a series."""
 
@@ -78,14 +81,12 @@ def candidates_of(series: Series, priors: Priors) -> list[Candidate]:
     return found
 
 
-class Noise(NamedTuple):
-    """Scatter and walk of the machine, and what is made white by them."""
+class White(NamedTuple):
+    """What is made white by a scatter and a walk of the machine."""
 
     scatter: float
     walk: float
     """Per square root of a year."""
-    log_prior: float
-    """Logarithm of its probability before the data."""
     columns: Array
     """White columns of the level and of all candidates `(n, 1 + c)`."""
     values: Array
@@ -94,6 +95,27 @@ class Noise(NamedTuple):
     """Lower triangle of the covariance `(n, n)`."""
     log_volume: float
     """Log determinant of the covariance."""
+
+
+class Noise(NamedTuple):
+    """Scatter and walk of the machine, whose covariance is a factor times one that has been made white."""
+
+    white: White
+    factor: float
+    """1 up to the next larger scatter that has been made white."""
+    scatter: float
+    log_prior: float
+    """Logarithm of its probability before the data."""
+
+    @property
+    def walk(self) -> float:
+        """Per square root of a year."""
+        return float(self.white.walk * np.sqrt(self.factor))
+
+    @property
+    def log_volume(self) -> float:
+        """Log determinant of the covariance."""
+        return float(self.white.log_volume + len(self.white.values) * np.log(self.factor))
 
 
 @dataclass(frozen=True)
@@ -121,7 +143,11 @@ class Structure:
         """The posterior of the level and of the present terms, for each noise."""
         own = [0, *(1 + number for number in self.present)]
         sizes = np.array([FREE * self.priors.error_motion_um, *self._absolute])
-        return [Posterior.of(Equations.of(each.columns[:, own], each.values), sizes, 1.0) for each in self.noises]
+        found = []
+        for white, noises in groupby(self.noises, key=lambda each: each.white):
+            equations = Equations.of(white.columns[:, own], white.values)
+            found += [Posterior.of(equations, sizes, noise.factor) for noise in noises]
+        return found
 
     @property
     def _absolute(self) -> list[float]:
@@ -151,21 +177,27 @@ class Structure:
     @cached_property
     def log_odds(self) -> Array:
         """Log odds of each candidate against none, beside the present terms; minus infinity for these."""
-        gains = [self._gains(*each) for each in zip(self.noises, self.posteriors, strict=True)]
-        total = logsumexp(self.log_evidences[:, None] + gains, axis=0) - logsumexp(self.log_evidences)
+        each = zip(self.noises, self.posteriors, strict=True)
+        gains = [
+            self._gains(white, *zip(*own, strict=True)) for white, own in groupby(each, lambda pair: pair[0].white)
+        ]
+        gained = np.concatenate(gains)
+        total = logsumexp(self.log_evidences[:, None] + gained, axis=0) - logsumexp(self.log_evidences)
         odds = total + np.array([each.log_prior for each in self.candidates])
         odds[list(self.present)] = -np.inf
         return np.asarray(odds)
 
-    def _gains(self, noise: Noise, posterior: Posterior) -> Array:
-        """Log evidence that each candidate adds, for one noise."""
-        own = noise.columns[:, [0, *(1 + number for number in self.present)]]
+    def _gains(self, white: White, noises: Sequence[Noise], posteriors: Sequence[Posterior]) -> Array:
+        """Log evidence `(f, c)` that each candidate adds, for noises with the same white columns."""
+        own = white.columns[:, [0, *(1 + number for number in self.present)]]
         typical = np.array([each.size for each in self.candidates])
-        columns = noise.columns[:, 1:] * typical
-        across = own.T @ columns
-        squares = np.sum(columns**2, axis=0) - np.sum(across * (posterior.covariance @ across), axis=0)
-        along = columns.T @ (noise.values - own @ posterior.mean)
-        return log_gains(np.maximum(squares, 0.0)[:, None, None], along[:, None], SIZES, 1.0)
+        columns = white.columns[:, 1:] * typical
+        across, squares = own.T @ columns, np.sum(columns**2, axis=0)
+        factors = np.array([each.factor for each in noises])[:, None]
+        explained = np.array([np.sum(across * (each.covariance @ across), axis=0) for each in posteriors]) / factors
+        along = columns.T @ white.values - np.array([each.mean for each in posteriors]) @ across
+        left = np.maximum(squares - explained, 0.0)
+        return log_gains_by_squares(left[:, :, None], along[:, :, None] ** 2, SIZES, factors[:, :, None])
 
     @property
     def drift(self) -> int:
@@ -204,19 +236,35 @@ class Structure:
 
 
 def _noises(series: Series, candidates: Sequence[Candidate], priors: Priors) -> Iterator[Noise]:
-    """All scatters and walks, in sizes of what axes repeat to; a walk is a term that may be there."""
-    times, n = series.times - series.times[0], len(series.times)
-    table = np.column_stack([np.ones(n), *(each.column for each in candidates)])
-    middle = series.values - np.median(series.values)
+    """All scatters and walks, about what axes repeat to; a walk is a term that may be there.
+
+    The scatter is log-uniform, in steps that the results do not resolve: many results know their standard deviation far
+    better than sizes of one to three, and would take the difference for a walk. Between two scatters that are made
+    white, one times a factor stands for those of about the same variance.
+    """
     walks = [0.0, *(priors.non_repeatability_um / np.sqrt(LIFE_YEARS) * SIZES).tolist()]
-    of_walks = np.log([1.0 - WALKS, *[WALKS / len(SIZES)] * len(SIZES)])
-    for scatter in (priors.non_repeatability_um * SIZES).tolist():
-        for walk, log_prior in zip(walks, (of_walks - np.log(len(SIZES))).tolist(), strict=True):
-            covariance = np.diag(series.u**2 + scatter**2) + walk**2 * np.minimum(times[:, None], times)
-            low = np.linalg.cholesky(covariance)
-            white = solve_triangular(low, np.column_stack([table, middle]), lower=True)
-            volume = 2.0 * float(np.log(np.diag(low)).sum())
-            yield Noise(scatter, walk, log_prior, white[:, :-1], white[:, -1], low, volume)
+    of_walks = np.log([1.0 - WALKS, *[WALKS / len(SIZES)] * len(SIZES)]).tolist()
+    scatters, variance = (priors.non_repeatability_um * SIZES).tolist(), float(np.mean(series.u**2))
+    for lower, upper in pairwise(scatters):
+        ratio = float(np.log((variance + upper**2) / (variance + lower**2)))
+        count = int(np.ceil(ratio * np.sqrt(len(series.times)) / STEP))
+        between = np.geomspace(lower, upper, count, endpoint=False)
+        log_prior = -float(np.log(count * (len(SIZES) - 1)))
+        for walk, of_walk in zip(walks, of_walks, strict=True):
+            white = _white(series, candidates, lower, walk)
+            for scatter in between.tolist():
+                factor = (variance + scatter**2) / (variance + lower**2)
+                yield Noise(white, factor, scatter, log_prior + of_walk)
+
+
+def _white(series: Series, candidates: Sequence[Candidate], scatter: float, walk: float) -> White:
+    """The level, all candidates and the results, made white."""
+    times, n = series.times - series.times[0], len(series.times)
+    table = [np.ones(n), *(each.column for each in candidates), series.values - np.median(series.values)]
+    covariance = np.diag(series.u**2 + scatter**2) + walk**2 * np.minimum(times[:, None], times)
+    low = np.linalg.cholesky(covariance)
+    white = solve_triangular(low, np.column_stack(table), lower=True)
+    return White(scatter, walk, white[:, :-1], white[:, -1], low, 2.0 * float(np.log(np.diag(low)).sum()))
 
 
 def likeliest(series: Series, priors: Priors) -> Structure:

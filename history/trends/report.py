@@ -43,6 +43,8 @@ def _announced(trend: Trend, found: Found) -> str:
     size = plus_minus(found.size, 2.0 * found.u, 1, "+")
     if found.kind == "method":
         return f"{name}: results of {found.name} differ from the others by {size} {unit} (U, k=2): none of the machine."
+    if found.kind == "drift" and abs(found.size) < 2.0 * found.u and found.tied_with:
+        return f"{name} wanders, by {size} {unit} a year in the mean (U, k=2), odds {_odds(found)}."
     if found.kind == "drift":
         how = f"moves (a drift, or a {' or a '.join(found.tied_with)})" if found.tied_with else "drifts"
         return f"{name} {how} by {size} {unit} a year (U, k=2), odds {_odds(found)}."
