@@ -15,7 +15,7 @@ drift; `ncomp.verify` shows the errors of the true machine along it.
 
 One sphere, touched every 30 minutes for 19 hours without a sensor (u 1 um): how often readings are left out or refused,
 for a machine that walks, for one that warms up by 30 um besides, and for one that walks while its last readings are
-off; and how often the drift half an hour later is within U.
+off, or whose sphere was knocked; and how often the drift half an hour later is within U.
 """
 
 from __future__ import annotations
@@ -243,6 +243,8 @@ def logs(number: int) -> None:
     for off in (5.0, 10.0, 20.0, 50.0):
         cases.append((f"last reading off by {off:g} um", 0.0, off, 1))
         cases.append((f"last 2 readings off by {off:g} um", 0.0, off, 2))
+    for off in (5.0, 7.0, 10.0, 15.0, 20.0):
+        cases.append((f"sphere knocked by {off:g} um 6 h before", 0.0, off, 12))
     for name, *case in cases:
         ends = [one_sphere(np.random.default_rng(seed), *case) for seed in range(number)]
         counts = [sum(end == word for end, _ in ends) for word in ("taken", "left out", "refused")]

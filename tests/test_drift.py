@@ -409,9 +409,21 @@ def dated(rows: Sequence[Row], last: datetime.datetime) -> None:
     )
 
 
-def watched(last: datetime.datetime, rows: Sequence[Row], calibration: str = "none", idle: float = 0.5) -> str:
+def watched(
+    last: datetime.datetime,
+    rows: Sequence[Row],
+    calibration: str = "none",
+    idle: float = 0.5,
+    more: Sequence[str] = (),
+    run_from: int | None = None,
+) -> str:
     """What the terminal shows where a folder is watched with a log whose last reading is of this time."""
     dated(rows, last)
+    if run_from is not None:
+        lines = Path("touches.csv").read_text().splitlines()
+        first = next(k for k, line in enumerate(lines) if line.startswith("time"))
+        runs = [f"{line},{'ab'[k >= run_from]}" for k, line in enumerate(lines[first + 1 :])]
+        Path("touches.csv").write_text("\n".join([*lines[:first], f"{lines[first]},run", *runs]) + "\n")
     Path("in").mkdir(exist_ok=True)
     Path("in/part.nc").write_text(PROGRAM)
     options = (
@@ -425,7 +437,7 @@ def watched(last: datetime.datetime, rows: Sequence[Row], calibration: str = "no
         "T1=80",
     )
     ends = "--settle", "0.1", "--idle", idle
-    return succeed("watch", "in", "out", *options, "--drift", "touches.csv", *ends).shown
+    return succeed("watch", "in", "out", *options, "--drift", "touches.csv", *more, *ends).shown
 
 
 def test_watched_programs_are_corrected_for_the_drift():
@@ -433,6 +445,31 @@ def test_watched_programs_are_corrected_for_the_drift():
     assert "The machine has drifted by X +" in shown
     effect = json.loads(Path("touches.drift.json").read_text())["effects"][0]
     assert shift_of("out/part.nc") == pytest.approx(-effect["value"], abs=0.6)
+
+
+def test_the_drift_of_watched_programs_counts_from_the_touch_off():
+    since = ("--drift-since", f"{minutes_ago(2 + 20 * 6):%Y-%m-%d %H:%M:%S}")
+    watched(minutes_ago(2), WALK, more=since)
+    assert shift_of("out/part.nc") == pytest.approx(-12.0, abs=1.5)
+    watched(minutes_ago(2), WALK, more=since, run_from=11)  # of a new run its own first reading
+    assert shift_of("out/part.nc") == pytest.approx(-6.0, abs=1.5)
+    with pytest.raises(UserError, match="lies in the future: correct it, or the clock"):
+        watched(minutes_ago(2), WALK, more=("--drift-since", "2099-01-01 10:00:00"))
+
+
+def test_no_program_is_corrected_where_the_drift_is_not_known_well_enough():
+    with pytest.raises(UserError, match="it has to be known to 5 um: touch the sphere again"):
+        watched(minutes_ago(600), WALK, more=("--drift-tolerance-um", "5"))
+    assert not Path("out/part.nc").exists()
+    watched(minutes_ago(2), WALK, more=("--drift-tolerance-um", "5"))
+    assert shift_of("out/part.nc") == pytest.approx(-28.0, abs=1.5)
+
+
+@pytest.mark.parametrize("words", [("--drift-since", "2026-01-01 10:00:00"), ("--drift-tolerance-um", "3")])
+def test_options_of_the_log_need_it(words):
+    Path("in").mkdir()
+    message = refusal("watch", "in", "out", "--machine", "dmu50", "--calibration", "none", *words)
+    assert "give --drift LOG.csv too" in message
 
 
 def minutes_ago(minutes: float) -> datetime.datetime:

@@ -53,7 +53,7 @@ def drift_at(
     if tolerance_um is not None and tolerance_um < estimate.U:
         raise UserError(
             f"{followed.measurement.source}: the drift is known to {estimate.U:.1f} um (U, k=2), "
-            f"{estimate.age_s / 3600.0:.1f} h after the last plausible reading, and --tolerance-um is "
-            f"{tolerance_um:g}: touch the sphere again. Nothing is corrected"
+            f"{estimate.age_s / 3600.0:.1f} h after the last plausible reading, and it has to be known to "
+            f"{tolerance_um:g} um: touch the sphere again. Nothing is corrected"
         )
     return Drift(followed, estimate, calibration)

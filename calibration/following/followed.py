@@ -153,7 +153,7 @@ class Followed(Shown):
         temperatures: degC at that time, by sensor; of the others the last reading counts. UserError for a time before
         the last reading, and for an unknown sensor.
         """
-        first, last = self._first, float(self.times[-1])
+        first, last = self.first, float(self.times[-1])
         until, begin = last if time is None else time, first if since is None else since
         if until < last:
             raise UserError(f"--at: {last - until:.0f} s before the last reading: a drift is given from then on")
@@ -179,7 +179,7 @@ class Followed(Shown):
         return Estimate(effects, covariance, by_sensors, self._places(values, covariance), until - last)
 
     @property
-    def _first(self) -> float:
+    def first(self) -> float:
         """Time of the first reading, of the last run where there are several, s."""
         run = self.structure.touches.measurement.run
         return float(self.times[0] if run is None else self.times[run == run[-1]][0])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 
@@ -22,21 +23,41 @@ if TYPE_CHECKING:
     from postproc.interface.request import Request
 
 
-DriftLog = Annotated[
-    Path | None,
-    option(
+@dataclass(frozen=True, kw_only=True)
+class DriftOptions:
+    """The log of touches by which watched programs are corrected."""
+
+    PANEL: ClassVar[str] = MODEL
+
+    drift: Path | None = option(
         "Log of touches, as of ncomp drift: programs are corrected for the drift since its first reading as "
         "well. The calibration with it is LOG.drift.json.",
         "LOG.csv",
         reads=True,
-        panel=MODEL,
-    ),
-]
+    )
+    drift_since: str | None = option(
+        "Time at which the work offsets were touched off, by the clock of the log; default: the first reading. A run "
+        "of the log that begins later counts from its own first reading.",
+        "TIME",
+    )
+    drift_tolerance_um: float | None = option(
+        "Largest uncertainty U (k=2) of the drift, um; beyond it programs wait until the sphere is touched again.",
+        "UM",
+        min=0.0,
+    )
 
+    def __post_init__(self) -> None:
+        """UserError for an option without the log."""
+        for name in ("since", "tolerance_um"):
+            if self.drift is None and getattr(self, f"drift_{name}") is not None:
+                option_name = f"--drift-{name.replace('_', '-')}"
+                raise UserError(f"{option_name}: is of the log of touches: give --drift LOG.csv too")
 
-def drifting(log: Path | None, given: Callable[[], Request], say: Callable[[str], None]) -> Callable[[], Request]:
-    """The request of watched programs, with the drift by a log if there is one."""
-    return given if log is None else Drifting(log, given, say)
+    def requests(self, given: Callable[[], Request], say: Callable[[str], None]) -> Callable[[], Request]:
+        """The request of watched programs, with the drift by the log if there is one."""
+        if self.drift is None:
+            return given
+        return Drifting(self.drift, given, say, self.drift_since, self.drift_tolerance_um)
 
 
 class Drifting:
@@ -46,8 +67,16 @@ class Drifting:
     less than its uncertainty at this moment, the calibration that was given counts.
     """
 
-    def __init__(self, log: Path, given: Callable[[], Request], say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        log: Path,
+        given: Callable[[], Request],
+        say: Callable[[str], None],
+        since: str | None,
+        tolerance_um: float | None,
+    ) -> None:
         self._log, self._given, self._say = log, given, say
+        self._since, self._tolerance_um = since, tolerance_um
         self.output = log.with_suffix(".drift.json")
         self._key: Any = None
         self._corrected: bool | None = None
@@ -87,7 +116,11 @@ class Drifting:
         now = (datetime.datetime.now(datetime.UTC) - start).total_seconds()
         if now < last - datetime.timedelta(minutes=5).total_seconds():
             raise UserError(f"--drift {self._log}: its last reading lies in the future: correct the clock, or its zone")
-        return drift_at(self._followed, self._calibration, repr(max(now, last)))
+        since = self._followed.seconds(self._since, "--drift-since")
+        if since is not None and since > max(now, last):
+            raise UserError(f"--drift-since {self._since}: lies in the future: correct it, or the clock")
+        begin = None if since is None else repr(max(since, self._followed.first))
+        return drift_at(self._followed, self._calibration, repr(max(now, last)), begin, None, self._tolerance_um)
 
     def _take(self, found: Drift) -> None:
         from calibration.following.report import drift_verdict

@@ -12,7 +12,7 @@ from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.program import ConditionsOptions, CorrectionOptions, DatumOptions, NoTravelCheck
 from postproc.commands.options.shared import CalibrationName, OptionalMachine
-from postproc.commands.programs.drifting import DriftLog, drifting
+from postproc.commands.programs.drifting import DriftOptions
 from postproc.commands.programs.each_result import EachResults
 from postproc.commands.programs.given import GivenForAll, JobOption
 
@@ -39,7 +39,7 @@ def watch(
     machine: OptionalMachine,
     job: JobOption,
     calibration: CalibrationName,
-    drift: DriftLog,
+    drift: DriftOptions,
     glob: tuple[str, ...] = option("Pattern of the programs' names instead of the usual suffixes.", "PATTERN"),
     settle: float = option(
         "Time, s, for which a file must not change before it counts as complete.", "s", default=2.0, min=0.1, max=600.0
@@ -63,7 +63,7 @@ def watch(
     source: Folder | JobFile
     if is_job_file(folder):
         given.refuse(f"is an entry of the job file {folder}")
-        if output is not None or job is not None or glob or drift is not None:
+        if output is not None or job is not None or glob or drift.drift is not None:
             raise UserError(f"{folder} is a job file: give neither OUT nor --glob nor --drift (--job does)")
         source = JobFile(folder)
     else:
@@ -71,7 +71,7 @@ def watch(
             raise UserError(
                 "watch: OUT is missing: folder of the corrected programs; 'ncomp watch --help' lists its options"
             )
-        source = Folder(folder, output, glob, drifting(drift, partial(given.request, "watch", job), _say), job)
+        source = Folder(folder, output, glob, drift.requests(partial(given.request, "watch", job), _say), job)
     with suppress(SystemExit):  # of SIGTERM
         Watch(source, settle, _say, results).run(idle)
 
