@@ -20,6 +20,14 @@ TIME, TEMPERATURE = "time", "temperature "
 """The variable of time, and the prefix of those of sensors; all others are axes."""
 
 
+def general_state(machine: Machine) -> State:
+    """One row at positions without any symmetry: no component of a direction that turns with axes is 0 by chance.
+
+    Axes stand at 1, 2, 3 ... mm and rad: sums of these angles are no quarters of a turn.
+    """
+    return State(np.arange(1.0, len(machine.axes) + 1.0)[None])
+
+
 def variable_unit(machine: Machine, name: str) -> str:
     """Unit of `State.variable`: of an axis mm or deg, of `time` s, of a temperature K."""
     if name == TIME:

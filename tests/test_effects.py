@@ -23,6 +23,7 @@ from kinematics.effects.drive import Backlash, Cyclic
 from kinematics.effects.friction import LateralPlay
 from kinematics.effects.geometric import Racking, Wobble
 from kinematics.effects.instrument import Outliers
+from kinematics.effects.load import RamSag
 from kinematics.effects.unnamed import Unnamed
 from kinematics.error_model.decoding_faults import CURE
 from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors
@@ -41,6 +42,8 @@ UNITS = {
 every_class = pytest.mark.parametrize("effect_class", EFFECTS, ids=[effect.__name__ for effect in EFFECTS])
 every_example = pytest.mark.parametrize("example", EXAMPLES, ids=[example.name for example in EXAMPLES])
 
+IN_ANY_ROW = [example for example in EXAMPLES if not isinstance(example.effect, Outliers)]
+"""Without an effect of single rows."""
 WITHOUT_MEMORY = [example for example in EXAMPLES if not example.effect.HAS_MEMORY]
 
 
@@ -63,6 +66,30 @@ def derivatives(effect: Effect, machine: Machine, state: State) -> Array:
     for place, component, columns in effect.columns(machine, state):
         values[:, place, component] += columns
     return values
+
+
+def errors(effect: Effect, machine: Machine, state: State) -> list[tuple[int, int]]:
+    return [(own.column, own.component) for own in effect.columns(machine, state)]
+
+
+@pytest.mark.parametrize("example", IN_ANY_ROW, ids=[example.name for example in IN_ANY_ROW])
+def test_which_errors_an_effect_has_is_the_same_in_all_rows(example):
+    effect, machine = example.effect, example.machine
+    state = full_state(machine, 12)
+    state.positions[0] = np.array([axis.home for axis in machine.axes]) * machine.scale
+    assert all(
+        errors(effect, machine, state.rows(slice(row, row + 1))) == errors(effect, machine, state) for row in range(12)
+    )
+
+
+def test_a_ram_that_is_in_has_the_errors_of_one_that_is_out():
+    inside, outside = (State(np.array([[0.0, 0.0, x, 0.0, 0.0]])) for x in (-100.0, 100.0))
+    ram = RamSag("X", 30.0, 0.0)
+    places = [errors(ram, DMU50, state) for state in (inside, outside)]
+    assert places[0] == places[1]
+    assert len(places[0]) == 2
+    assert not total(ram, DMU50, inside).any()
+    assert total(ram, DMU50, outside).any()
 
 
 # --- classes

@@ -147,11 +147,12 @@ def motion_changes(observations: Observations, calibration: ErrorModel) -> Itera
 def made_of(observations: Observations, effects: Sequence[Effect], parameters: Array) -> Callable[[], Array]:
     """Makes the columns of coefficients that give the linear parameters of effects, by `parameters @`.
 
-    Along one arm where the effects are one error of the machine.
+    Along one arm where the effects are one error of the machine, the same in all rows.
     """
     machine, state = observations.measurement.machine, observations.measurement.state
     linear = np.concatenate([effect.linear for effect in effects])
-    errors = [each for effect in effects for each in effect.columns(machine, state)]
+    first = state.rows(slice(0, 1))
+    errors = [each for effect in effects for each in effect.columns(machine, first)]
     numbers = {6 * (each.column % (len(machine.axes) + 2)) + each.component for each in errors}
 
     def functions() -> Array:

@@ -385,7 +385,7 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     @abstractmethod
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """Derivatives of the error components it touches with respect to its parameters, at their values."""
+        """Derivatives of the error components it touches, the same ones in all rows, by its parameters, as they are."""
 
     def contributions(self, machine: Machine, state: State) -> Iterator[tuple[int, int, Array]]:
         """Index, component and values `(n,)`, mm or rad, of the errors of the effect.

@@ -14,12 +14,14 @@ from kinematics.effects.geometric import TYPICAL, shift_of, with_shift
 from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.forward import axis_pose
 from kinematics.machine import Machine, Vector
-from kinematics.state import State
-from kinematics.transforms import IDENTITY, Pose, read_only, turn
+from kinematics.state import State, general_state
+from kinematics.transforms import IDENTITY, Array, Pose, read_only, turn
 from kinematics.user_error import UserError
 
 DOWN = read_only(np.array([0.0, 0.0, -1.0]))
 """Direction of gravity in the frame of the bed."""
+ROUNDING = 1e-12
+"""Component of a unit vector below which it is rounding."""
 NONE = 1e-9
 """um: typical size of a coefficient that has an effect of its own, and stays at 0 in a fit."""
 
@@ -102,22 +104,26 @@ class RamSag(EffectBase, frozen=True, tag="ram-sag"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
-        i = machine.index(self.axis)
-        axis = machine.axes[i]
-        own, _ = _from_bed(machine, state, self.axis, self.name)
-        outward = self.extends * axis.unit_direction
+        outward = self.extends * machine.axes[machine.index(self.axis)].unit_direction
         overhang = self.extends * (state.position(machine, self.axis) - self.support)
         if self.other is not None:
             parallel = machine.axes[machine.index(self.other)].unit_direction @ outward
             overhang = overhang + parallel * state.position(machine, self.other)
-        metres = np.maximum(overhang, 0.0) * 1e-3
+        metres = np.maximum(overhang, 0.0)[:, None] * 1e-3
+        sizes = np.repeat([metres**3 * UM, 1.5 * metres**2 * URAD], 3, axis=0)[:, :, 0].T
+        values = self._directions(machine, state) * sizes
+        (anywhere,) = self._directions(machine, general_state(machine))
+        for k in np.flatnonzero(np.abs(anywhere) > ROUNDING):
+            yield Columns(machine.index(self.axis), int(k), np.broadcast_to(values[:, [k]], (len(state), 1)))
+
+    def _directions(self, machine: Machine, state: State) -> Array:
+        """Directions `(1 or n, 6)`, in the error frame of the axis, in which the end sinks and about which it tilts."""
+        axis = machine.axes[machine.index(self.axis)]
+        own, _ = _from_bed(machine, state, self.axis, self.name)
+        outward = self.extends * axis.unit_direction
         down = turn(own.inverse().rotation, DOWN)
         across = down - (down @ outward)[:, None] * outward
-        sunk = (across @ axis.error_frame) * metres[:, None] ** 3 * UM
-        tilted = (np.cross(outward, across) @ axis.error_frame) * (1.5 * metres[:, None] ** 2 * URAD)
-        for k, values in enumerate(np.concatenate([sunk, tilted], axis=1).T):
-            if values.any():
-                yield Columns(i, k, values[:, None])
+        return np.concatenate([across @ axis.error_frame, np.cross(outward, across) @ axis.error_frame], axis=1)
 
 
 def _from_bed(machine: Machine, state: State, name: str, by: str) -> tuple[Pose, Pose]:

@@ -26,10 +26,12 @@ from kinematics.effects.base import (
 from kinematics.effects.records import Columns
 from kinematics.forward import axis_pose
 from kinematics.machine import Machine
-from kinematics.state import State
+from kinematics.state import State, general_state
 from kinematics.transforms import Array, by_turn, turn
 
 Direction = Literal["X", "Y", "Z"]
+ROUNDING = 1e-12
+"""Component of a unit vector below which it is rounding."""
 SHUFFLED = "positions in shuffled order, or measured once more backwards, with times"
 SHUFFLED_WITH_HEAT = f"{SHUFFLED} and temperatures"
 
@@ -72,9 +74,10 @@ class AtWorkpiece:
 
     def at_place(self, machine: Machine, state: State, course: Array) -> Iterator[Columns]:
         """See `Course.at_place`."""
-        for k, share in enumerate(workpiece_direction(machine, state, self.component).T):
-            if share.any():
-                yield Columns(0, k, share[:, None] * course * UM)
+        (anywhere,) = workpiece_direction(machine, general_state(machine), self.component)
+        shares = workpiece_direction(machine, state, self.component)
+        for k in np.flatnonzero(np.abs(anywhere) > ROUNDING):
+            yield Columns(0, int(k), shares[:, [k]] * course * UM)
 
 
 def workpiece_direction(machine: Machine, state: State, component: Direction) -> Array:
