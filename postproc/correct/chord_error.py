@@ -10,10 +10,10 @@ This includes the kinks of tables. The steps are a quarter of the shortest featu
 from __future__ import annotations
 
 import math
-import operator
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
+from itertools import groupby
 from typing import NamedTuple
 
 import msgspec
@@ -196,6 +196,16 @@ class Segment(NamedTuple):
     high: float
 
 
+class Sampled(NamedTuple):
+    """A segment with the shifts along it."""
+
+    segment: Segment
+    shifts: Array
+    """`(steps + 1, axes)`, mm and degrees."""
+    largest: float
+    """Largest displacement of the tool by them, mm."""
+
+
 class Cuts(NamedTuple):
     """Cuts of moves."""
 
@@ -216,11 +226,10 @@ def find_cuts(paths: CorrectedPaths, rows: np.ndarray, limits: Limits) -> Cuts:
     while segments:
         following: list[Segment] = []
         for some in _batches(paths, segments):
-            for segment, shifts in some:
-                row = segment.row
-                if row not in most:  # the whole move
-                    most[row] = float(np.linalg.norm(shifts * paths.weights[row], axis=1).max()) + limits.rounding
-                _cut(paths, segment, shifts, (limits.tolerance, most[row]), found, following)
+            for each in some:
+                if each.segment.row not in most:  # the whole move
+                    most[each.segment.row] = each.largest + limits.rounding
+            _cut(paths, some, limits.tolerance, most, found, following)
         segments = following
     _cross_jumps(paths, found, limits)
     return found._replace(shares={row: sorted(shares) for row, shares in sorted(found.shares.items()) if shares})
@@ -260,8 +269,8 @@ def _cross(shares: list[float], jump: float, length: float) -> None:
     shares += [end for share in (jump - half, jump + half) if 0.0 < (end := round(share * grid) / grid) < 1.0]
 
 
-def _batches(paths: CorrectedPaths, segments: list[Segment]) -> Iterator[list[tuple[Segment, Array]]]:
-    """The segments with the shifts `(steps + 1, axes)` along them, in batches."""
+def _batches(paths: CorrectedPaths, segments: list[Segment]) -> Iterator[list[Sampled]]:
+    """The segments with the shifts along them, in batches."""
     rows, low, high = (np.array(column) for column in zip(*segments, strict=True))
     aim = np.maximum(paths.steps[rows] * (high - low) / STEPS, 1.0)
     steps = np.minimum(STEPS * 2 ** np.ceil(np.log2(aim)), MOST_STEPS).astype(int)
@@ -271,62 +280,71 @@ def _batches(paths: CorrectedPaths, segments: list[Segment]) -> Iterator[list[tu
         firsts = np.cumsum(counts) - counts
         inner = (np.arange(counts.sum()) - np.repeat(firsts, counts)) / np.repeat(steps[batch], counts)
         shares = np.repeat(low[batch], counts) + inner * np.repeat(high[batch] - low[batch], counts)
-        shifts = paths.shifts(np.repeat(rows[batch], counts), shares)
-        yield [(segments[i], part) for i, part in zip(batch.tolist(), np.split(shifts, firsts[1:]), strict=True)]
+        row = np.repeat(rows[batch], counts)
+        shifts = paths.shifts(row, shares)
+        largest = np.maximum.reduceat(np.linalg.norm(shifts * paths.weights[row], axis=1), firsts).tolist()
+        parts = zip(batch.tolist(), np.split(shifts, firsts[1:]), largest, strict=True)
+        yield [Sampled(segments[i], part, most) for i, part, most in parts]
 
 
 def _cut(
     paths: CorrectedPaths,
-    segment: Segment,
-    shifts: Array,
-    limits: tuple[float, float],
+    some: list[Sampled],
+    tolerance: float,
+    most: Mapping[int, float],
     found: Cuts,
     following: list[Segment],
 ) -> None:
-    """Halve a segment, with shifts `(steps + 1, axes)`, as often as its limits require.
+    """Halve segments as often as their limits require: a tolerance, and those of their rows, mm.
 
-    `found` takes the cuts, `following` the segments that need finer steps. limits: mm, for the results of `deviations`.
+    `found` takes the cuts, `following` the segments that need finer steps.
     """
-    steps = len(shifts) - 1
-    row, low, length = segment.row, segment.low, segment.high - segment.low
-    open_ends = [(0, steps)]
-    while open_ends:
-        first, last = open_ends.pop()
-        inside = Segment(row, low + length * first / steps, low + length * last / steps)
-        if all(map(operator.le, deviations(paths, inside, shifts[first : last + 1]), limits)):
-            continue
-        if inside.high - inside.low < 2.0 * paths.shortest[row]:
-            found.steep.append(inside)
-            continue
-        middle = (first + last) // 2
-        cut = low + length * middle / steps
-        found.shares[row].append(cut)
-        if last - first >= 2 * STEPS:
-            open_ends += [(first, middle), (middle, last)]
-        else:
-            following += [Segment(row, inside.low, cut), Segment(row, cut, inside.high)]
+    open_parts = [(each.segment, each.shifts) for each in some]
+    while open_parts:
+        parts, open_parts = sorted(open_parts, key=lambda part: len(part[1])), []
+        for samples, group in groupby(parts, key=lambda part: len(part[1])):
+            alike, steps = list(group), samples - 1
+            for (inside, shifts), bound, deviation in zip(alike, *deviations(paths, alike), strict=True):
+                row, low, high = inside
+                if bound <= tolerance and deviation <= most[row]:
+                    continue
+                if high - low < 2.0 * paths.shortest[row]:
+                    found.steep.append(inside)
+                    continue
+                middle = steps // 2
+                cut = low + (high - low) * middle / steps
+                found.shares[row].append(cut)
+                halves = Segment(row, low, cut), Segment(row, cut, high)
+                if steps >= 2 * STEPS:
+                    open_parts += [(halves[0], shifts[: middle + 1]), (halves[1], shifts[middle:])]
+                else:
+                    following += halves
 
 
-def deviations(paths: CorrectedPaths, segment: Segment, shifts: Array) -> tuple[float, float]:
-    """Deviations of the control along a segment with corrected ends, mm; shifts `(steps + 1, axes)` along it.
+def deviations(paths: CorrectedPaths, alike: list[tuple[Segment, Array]]) -> tuple[list[float], list[float]]:
+    """Deviations of the control along segments with corrected ends, mm, each with shifts `(steps + 1, axes)`.
 
-    First an upper bound, then the deviation for a uniform curvature between two samples.
+    All have the same number of steps. First upper bounds, then the deviations for a uniform curvature between two
+    samples.
     """
-    even = np.linspace(0.0, 1.0, len(shifts))[:, None]
-    deviation = (1.0 - even) * shifts[0] + even * shifts[-1] - shifts
-    arc = paths.motions.arcs.get(segment.row)
-    if arc is not None:
-        i, j, _ = arc.plane
-        plane = _arc_deviation(paths.motions, segment, arc, shifts[:, i] + 1j * shifts[:, j])
-        deviation[:, i], deviation[:, j] = plane.real, plane.imag
-    deviation *= paths.weights[segment.row]
-    curvature = np.linalg.norm(np.diff(deviation, 2, axis=0), axis=1)
-    curvature = np.concatenate(
-        [3.0 * curvature[:1], curvature, 3.0 * curvature[-1:]]
-    )  # an end has no second difference of its own
-    sizes = np.linalg.norm(deviation, axis=1)
-    sizes, curvature = np.maximum(sizes[:-1], sizes[1:]), curvature[:-1] + curvature[1:]
-    return float((sizes + curvature / 4.0).max()), float((sizes + curvature / 16.0).max())
+    shifts = np.stack([each for _, each in alike])
+    even = np.linspace(0.0, 1.0, shifts.shape[1])[:, None]
+    deviation = (1.0 - even) * shifts[:, :1] + even * shifts[:, -1:] - shifts
+    rows = [segment.row for segment, _ in alike]
+    for k, (segment, own) in enumerate(alike) if paths.motions.arcs else ():
+        arc = paths.motions.arcs.get(segment.row)
+        if arc is not None:
+            i, j, _ = arc.plane
+            plane = _arc_deviation(paths.motions, segment, arc, own[:, i] + 1j * own[:, j])
+            deviation[k, :, i], deviation[k, :, j] = plane.real, plane.imag
+    deviation *= paths.weights[rows][:, None]
+    curvature = np.linalg.norm(np.diff(deviation, 2, axis=1), axis=2)
+    # an end has no second difference of its own
+    curvature = np.concatenate([3.0 * curvature[:, :1], curvature, 3.0 * curvature[:, -1:]], axis=1)
+    sizes = np.linalg.norm(deviation, axis=2)
+    sizes, curvature = np.maximum(sizes[:, :-1], sizes[:, 1:]), curvature[:, :-1] + curvature[:, 1:]
+    bounds, uniform = ((sizes + curvature / share).max(axis=1).tolist() for share in (4.0, 16.0))
+    return bounds, uniform
 
 
 def _arc_deviation(motions: Motions, segment: Segment, arc: Arc, shifts: np.ndarray) -> np.ndarray:

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from kinematics.machine import NDArrayBool
+from kinematics.machine import TURN, NDArrayBool
 from postproc.correct.rotary.feed_in_force import PER_MINUTE, Feed
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
-from postproc.motion.rotary_words import RotaryWord, Way
+from postproc.motion.rotary_words import SAME_DEG, RotaryWord, Way
 from postproc.siemens.codes import FEED_MODES
 from postproc.text.block import Block
 from postproc.write.added_blocks import END_M, NO_INSERTION, SINGLE_FEEDS, START_M
@@ -112,6 +112,18 @@ def _each(present: Callable[[Asked, int], Any]) -> Condition:
     return lambda asked, rows: np.fromiter((bool(present(asked, row)) for row in rows.tolist()), bool, len(rows))
 
 
+def _each_read_singly(present: Callable[[Asked, int], Any]) -> Condition:
+    """The condition of every row by itself; plain lines of a run have no word that it looks for."""
+
+    def of_rows(asked: Asked, rows: np.ndarray) -> NDArrayBool:
+        blocks, found = asked.motions.blocks, np.zeros(len(rows), bool)
+        some = np.flatnonzero(blocks.in_lists[asked.motions.block[rows]])
+        found[some] = _each(present)(asked, rows[some])
+        return found
+
+    return of_rows
+
+
 def _any(*conditions: Condition) -> Condition:
     """The condition that one of them holds; each is only asked about rows for which those before it do not."""
 
@@ -165,13 +177,23 @@ def _increment_unknown(asked: Asked, row: int) -> bool:
     return bool((asked.motions.known[row, named] != Known.PROGRAM).any())
 
 
-def _position_unknown(asked: Asked, row: int) -> bool:
+def _position_unknown(asked: Asked, rows: np.ndarray) -> NDArrayBool:
     """An axis that moves or is named has no position of the program before or after the move."""
     motions = asked.motions
-    moved = motions.target[row] != motions.start[row]
-    moved[[word.axis for word in motions.words[row]]] = True
-    known = np.minimum(motions.known_start[row], motions.known[row])[moved]
-    return bool((known != Known.PROGRAM).any())
+    unknown = np.minimum(motions.known_start[rows], motions.known[rows]) != Known.PROGRAM
+    moved = motions.target[rows] != motions.start[rows]
+    some = np.flatnonzero(unknown.any(axis=1))
+    moved[some] |= motions.words.naming(rows[some], moved.shape[1])
+    return np.asarray((unknown & moved).any(axis=1))
+
+
+def _turns_unknown(asked: Asked, rows: np.ndarray) -> NDArrayBool:
+    """A rotary axis turns so far that its direction depends on the control, as of `turns_unknown`."""
+    motions, found = asked.motions, np.zeros(len(rows), bool)
+    far = np.abs((motions.target - motions.start)[rows]) >= TURN / 2.0 - SAME_DEG
+    some = np.flatnonzero(far[:, motions.machine.rotary].any(axis=1))
+    found[some] = _each(lambda asked, row: turns_unknown(asked.motions, row))(asked, rows[some])
+    return found
 
 
 def _turns_along_arc(asked: Asked, rows: np.ndarray) -> NDArrayBool:
@@ -186,7 +208,7 @@ def _turns_along_arc(asked: Asked, rows: np.ndarray) -> NDArrayBool:
 def _m_functions(*at_known_times: frozenset[float]) -> Condition:
     """The condition that the block has another M function than these."""
     known = frozenset().union(*at_known_times)
-    return _each(
+    return _each_read_singly(
         lambda asked, row: any(w.address == "M" and (w.value or 0.0) not in known for w in asked.block(row).words)
     )
 
@@ -262,17 +284,17 @@ TABLE = (
     Obstacle("its end is given in polar coordinates", SPLIT, _any(_POLAR, _polar_straight)),
     Obstacle("no word may be added for one of its axes", SPLIT, _LOCKED),
     Obstacle("it has an increment from an unknown position", CUT, _each(_increment_unknown)),
-    Obstacle("the program has not yet given the positions of all its axes", SPLIT, _each(_position_unknown)),
+    Obstacle("the program has not yet given the positions of all its axes", SPLIT, _position_unknown),
     Obstacle("rotary axes move along an arc", SPLIT, _turns_along_arc),
     Obstacle(
         "a rotary axis turns by half a turn or more, and its direction depends on the control: write rollover = "
         '"as-written" or "shortest" under [axes.{axis}] in the machine file',
         SPLIT,
-        _each(lambda asked, row: turns_unknown(asked.motions, row)),
+        _turns_unknown,
     ),
     Obstacle(M_FUNCTION, SPLIT, _m_functions(START_M, END_M)),
     Obstacle(M_FUNCTION, CUT, _m_functions(START_M)),
-    Obstacle("its feed is in force for one block only", SPLIT, _each(_single_feed)),
+    Obstacle("its feed is in force for one block only", SPLIT, _each_read_singly(_single_feed)),
     Obstacle(NO_FEED, SPLIT, _without_feed(number=True)),
     Obstacle(NO_FEED, CUT, _without_feed(number=False)),
     Obstacle(
@@ -283,7 +305,9 @@ TABLE = (
             _without_feed(number=False),
         ),
     ),
-    Obstacle("its block changes the feed mode or the frame", PACE, _any(_each(_feed_mode_given), _FRAME_CHANGED)),
+    Obstacle(
+        "its block changes the feed mode or the frame", PACE, _any(_each_read_singly(_feed_mode_given), _FRAME_CHANGED)
+    ),
     Obstacle("F is no speed in force that is written as a number", PACE, _each(_speed_unknown)),
     Obstacle("the program has not given X Y Z in this frame", PACE, _column(lambda motions: ~motions.evaluated_paths)),
     Obstacle("its axes are locked or polar", PACE, _any(_POLAR, _LOCKED)),

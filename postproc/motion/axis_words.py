@@ -9,6 +9,7 @@ from typing import overload
 
 import numpy as np
 
+from kinematics.machine import NDArrayBool
 from postproc.motion.moves import AxisWord
 from postproc.text.blocks import PlainRun
 
@@ -41,6 +42,20 @@ class AxisWords(Sequence[Words]):
         part, at = self._parts[number], row - self._firsts[number]
         return part[at] if isinstance(part, list) else _words_of(part, at)
 
+    def naming(self, rows: np.ndarray, axes: int) -> NDArrayBool:
+        """True `(k, axes)` for the axes that rows `(k,)` have words for; axes: number of axes."""
+        found, own = np.zeros((len(rows), axes), bool), self._rows[rows]
+        parts = np.where(own < 0, -1, np.searchsorted(self._firsts, own, side="right") - 1)
+        for number in set(parts.tolist()) - {-1}:
+            part, some = self._parts[number], np.flatnonzero(parts == number)
+            at = own[some] - self._firsts[number]
+            if isinstance(part, list):
+                for row, line in zip(some.tolist(), at.tolist(), strict=True):
+                    found[row, [word.axis for word in part[line]]] = True
+            else:
+                found[some] = part.columns.end[:axes, at].T > 0
+        return found
+
     def take(self, rows: np.ndarray) -> AxisWords:
         """These rows, in this order."""
         return AxisWords(self._parts, self._rows[rows])
@@ -63,5 +78,5 @@ def joined(chunks: Sequence[AxisWords]) -> AxisWords:
 
 def _words_of(run: PlainRun, index: int) -> Words:
     axes = run.lines.axes
-    words = enumerate(run.block(index).words)
-    return tuple(AxisWord(axes.index(word.address), i, False) for i, word in words if word.address in axes)
+    words = enumerate(run.kept_block(index).words)
+    return tuple([AxisWord(axes.index(word.address), i, False) for i, word in words if word.address in axes])

@@ -102,6 +102,13 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants
     return replace(result, arcs=arcs)
 
 
+def numbers_of_added(motions: Motions) -> list[int]:
+    """Number of added rows before each row that belong to its block."""
+    before = np.cumsum(motions.added) - motions.added
+    numbers: list[int] = (before - before[np.searchsorted(motions.block, motions.block)]).tolist()
+    return numbers
+
+
 def _of_whole_moves(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
     """Shares `(k,)` of programmed moves, of shares `(k,)` of rows `(k,)` that may be segments of them.
 

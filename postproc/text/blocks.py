@@ -37,6 +37,14 @@ class PlainRun:
         """The lines from `first` to before `last` of the run."""
         return replace(self, first=self.first + first, last=self.first + last, number=self.number + first)
 
+    def kept_block(self, index: int) -> Block:
+        """The block of a line, which is kept for the next use."""
+        known, at = self.lines.blocks, self.first + index
+        found: Block | None = known.get(at)
+        if found is None:
+            found = known[at] = self.block(index)
+        return found
+
     def block(self, index: int) -> Block:
         """The block of a line, as the reader of the dialect gives it."""
         return self.read_block(self.number + index, self.data(index, index + 1).decode(ENCODING))
@@ -82,8 +90,6 @@ class Blocks(Sequence[Block]):
                 self.parts.append([item])
         self.firsts = [0, *itertools.accumulate(map(len, self.parts))]
         """Index of the first block of each part, and the number of blocks."""
-        self._made: dict[int, Block] = {}
-        """Blocks of plain lines that were made on demand."""
 
     def __len__(self) -> int:
         return self.firsts[-1]
@@ -100,11 +106,7 @@ class Blocks(Sequence[Block]):
             raise IndexError(index)
         number = bisect.bisect_right(self.firsts, index) - 1
         part, at = self.parts[number], index - self.firsts[number]
-        if isinstance(part, list):
-            return part[at]
-        if index not in self._made:
-            self._made[index] = part.block(at)
-        return self._made[index]
+        return part[at] if isinstance(part, list) else part.kept_block(at)
 
     def __iter__(self) -> Iterator[Block]:
         for part in self.parts:

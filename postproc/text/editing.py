@@ -110,30 +110,38 @@ class WordEditor(msgspec.Struct):
     def set(self, index: int, value: float, decimals: int) -> float:
         """Set a word to `value`, with no fewer decimals than it has or than given; returns its new value."""
         word = self.block.words[index]
+        if word.formula is None:
+            return self._set_number(index, word, value, decimals)
         number = self.rounded(index, value, decimals)
-        if word.formula is not None and word.formula.instead:
+        if word.formula.instead:
             self._write_coordinate(word, number, decimals)
-        elif number != word.value and word.formula is not None and word.formula.carrier:
+        elif number != word.value and word.formula.carrier:
             self._carry(word, number - (word.value or 0.0), max(decimals_of(self._number(word)), decimals))
-        elif number != word.value and word.formula is not None:
+        elif number != word.value:
             shift = f"{number - (word.value or 0.0):+.{max(decimals_of(self._number(word)), decimals)}f}"
             text = word.formula.plus(self.block.text[word.start : word.end], shift)
             self.edits.append(Edit(word.start, word.end, text))
-        elif number != word.value:
-            decimals = max(decimals_of(self._number(word)), decimals)
-            self.edits.append(Edit(word.start, word.end, self._style(word).write(number, decimals)))
+        return number
+
+    def _set_number(self, index: int, word: Word, value: float, decimals: int) -> float:
+        """As `set`, of a word without a formula."""
+        text, number = self.block.text[word.start : word.end], self.rounded(index, value, decimals)
+        if number != word.value:
+            style = NumberStyle.of(text, self.layout.numbers)
+            self.edits.append(Edit(word.start, word.end, style.write(number, max(decimals_of(text), decimals))))
         return number
 
     def rounded(self, index: int, value: float, decimals: int) -> float:
         """The value of a word after `set` to `value`: its present value if this is the same rounded."""
         word, counted = self.block.words[index], decimals
-        original = 0.0 if word.formula is not None and word.formula.instead else word.value or 0.0
+        original = word.value or 0.0
         if word.formula is not None:
+            original = 0.0 if word.formula.instead else original
             return original + self.agreed(f"shift {index}", round(value - original, decimals), counted)
-        decimals = max(decimals_of(self._number(word)), decimals)
+        decimals = max(decimals_of(self.block.text[word.start : word.end]), decimals)
         number = round(value, decimals)
         number = original if abs(number - original) < 0.5 * 10.0**-decimals else number
-        return self.agreed(f"word {index}", number, counted)
+        return number if self.iterations is None else self.agreed(f"word {index}", number, counted)
 
     def agreed(self, name: str, number: float, decimals: int) -> float:
         """The number that a word of this name had when the block ran first, where that is near enough."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
+from functools import cache
 from typing import TypeVar
 
 import msgspec
@@ -16,6 +18,7 @@ MOST_DECIMALS = 9
 """Largest number of decimals that are written."""
 
 
+@cache
 def decimals_for(resolution: float) -> int:
     """Decimals that hold a resolution: 4 for 0.0001, 6 for 0.0001 mm in inches (3.9e-6)."""
     return max(0, math.ceil(-math.log10(resolution) - 1e-9))
@@ -23,7 +26,9 @@ def decimals_for(resolution: float) -> int:
 
 def decimals_of(text: str) -> int:
     """Decimals that a number is written with."""
-    mark = max(text.find("."), text.find(","))
+    mark = text.find(".")
+    if "," in text:
+        mark = max(mark, text.find(","))
     return len(text) - mark - 1 if mark >= 0 else 0
 
 
@@ -45,6 +50,8 @@ class NumberStyle(msgspec.Struct, frozen=True):
         """The style of one written number; with missing properties from `otherwise`."""
         if not text:
             return otherwise
+        if otherwise == USUAL and _USUAL_NUMBER(text):
+            return otherwise
         sign = text[0] if text[0] in "+-" else ""
         digits = text[len(sign) :].lstrip()
         plus = otherwise.plus if sign == "-" else sign == "+"
@@ -62,6 +69,11 @@ class NumberStyle(msgspec.Struct, frozen=True):
         nonzero = digits.strip("0.") != ""
         sign = "-" if value < 0 and nonzero else "+" if self.plus else ""
         return sign + digits.replace(".", self.mark)
+
+
+USUAL = NumberStyle()
+_USUAL_NUMBER = re.compile(r"-?\d[^,]*\.[^,]*\Z").match
+"""Shows a number in this style, as nearly all are."""
 
 
 def given_number(text: str, where: str) -> float:

@@ -73,10 +73,15 @@ class PlainLines:
 
     def __getstate__(self) -> dict[str, Any]:
         """The state without quickly calculated attributes, and without the words, once they are columns."""
-        left_out = {"_bytes", "_classes", "_letters_at", "_letters", "_points"} | (
+        left_out = {"blocks", "_bytes", "_classes", "_letters_at", "_letters", "_points"} | (
             {"_words"} if "columns" in vars(self) else set()
         )
         return {name: value for name, value in vars(self).items() if name not in left_out}
+
+    @cached_property
+    def blocks(self) -> dict[int, Block]:
+        """Blocks of lines, by their numbers, that were made on demand."""
+        return {}
 
     @cached_property
     def _bytes(self) -> np.ndarray:

@@ -6,6 +6,7 @@ import math
 import re
 from enum import StrEnum
 from fractions import Fraction
+from functools import lru_cache
 
 import msgspec
 
@@ -57,6 +58,7 @@ def start_fraction_of(text: str) -> float:
     return int(match[1]) / max(int(match[2]), 1) if match else math.nan
 
 
+@lru_cache(maxsize=1 << 12)
 def part(start_fraction: float) -> str:
     """Comment of a block that begins at a share of its programmed move."""
     share = Fraction(start_fraction).limit_denominator(LARGEST)

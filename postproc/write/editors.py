@@ -108,6 +108,8 @@ class Editors:
         """What a conversion of the program changes in the chunk."""
         self._iterations: dict[int, Iterations] = {}
         """Iterations by block of the program, if blocks may run several times."""
+        self._extended: tuple[Layout, Block, Layout] | None = None
+        """A layout, a block, and the layout after it."""
         self._last: dict[int, WrittenBlock] = {}
         """Simple moves of these blocks."""
 
@@ -130,6 +132,13 @@ class Editors:
         """The layout of the program; of a block that may run several times, when it ran first."""
         iterations = self.iterations_of(motions, block)
         return self.layout if iterations is None else iterations.layout
+
+    def layout_after(self, layout: Layout, block: Block) -> Layout:
+        """The layout after one more block, which is known for the segments of its move."""
+        known = self._extended
+        if known is None or known[1] is not block or layout not in (known[0], known[2]):
+            known = self._extended = layout, block, layout.after(block)
+        return known[2]
 
     def iterations_of(self, motions: Motions, block: int) -> Iterations | None:
         """Numbers of the first iteration of a block of the chunk; None in a program whose blocks all run once."""
@@ -175,7 +184,7 @@ class Editors:
                     yield plain[index]
                     index += plain[index].lines
                 else:
-                    yield self._text(index, some.block(index - first))
+                    yield self._text(index, some.kept_block(index - first))
                     index += 1
 
     def _text(self, index: int, block: Block) -> str:

@@ -53,8 +53,10 @@ def write_feed(motions: Motions, row: int, editor: WordEditor | AddedBlock, move
 
 def takes_up_in_time(motions: Motions, row: int) -> bool:
     """True for a backlash take-up under a G93 that is in force since an earlier block."""
-    paced = motions.paced.get(row + 1) if motions.kind[row] == Kind.TAKE_UP else None
-    return paced is not None and paced.form == "inverse-time" and not paced.mode
+    paced = motions.paced.get(row + 1)
+    if paced is None or motions.kind[row] != Kind.TAKE_UP:
+        return False
+    return paced.form == "inverse-time" and not paced.mode
 
 
 def restored_feed(motions: Motions, row: int, numbers: NumberStyle, comment: str) -> list[str]:

@@ -54,9 +54,11 @@ class RowWords:
     """Position on the control before the move."""
     named: set[int] = field(default_factory=set)
     """Axes whose position behind the move is known already."""
+    turning: Mapping[int, RotaryWord] = field(init=False)
+    """How the control reads the words of the rotary axes that do not simply count turns."""
 
     def __post_init__(self) -> None:
-        self.start = list(self.held)
+        self.start, self.turning = list(self.held), self.motions.rotary_words.get(self.row, {})
         if self.row in self.motions.arcs:
             self.dropped = self._keep_in_plane()
 
@@ -134,11 +136,6 @@ class RowWords:
         nominal = motions.start[row].tolist(), motions.target[row].tolist()
         before, after = (((a[i], a[j]), (b[i], b[j])) for a, b in (nominal, (self.start, self.held)))
         check_turned(motions.blocks[motions.block[row]], before, after)
-
-    @property
-    def turning(self) -> Mapping[int, RotaryWord]:
-        """How the control reads the words of the rotary axes that do not simply count turns."""
-        return self.motions.rotary_words.get(self.row, {})
 
     def _turn(self, editor: WordEditor, axis: int, index: int, decimals: int) -> float:
         """Write the word of a rotary axis; the position that it leads to, degrees."""

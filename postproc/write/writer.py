@@ -18,6 +18,7 @@ from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Kind, Known
+from postproc.motion.segments import numbers_of_added
 from postproc.text.blocks import PlainRun
 from postproc.text.editing import ORDER, WordEditor
 from postproc.text.number_style import decimals_holding
@@ -44,6 +45,9 @@ from postproc.write.poles import PoleWriter
 from postproc.write.rotary_feed import feeds_of_moves, restored_feed, takes_up_in_time, write_feed, write_feed_mode
 from postproc.write.row_words import RowWords, corrected_end, kept_axes
 
+MACHINE, PRESET, PATTERN, TAKE_UP, RAPID = map(int, (Kind.MACHINE, Kind.PRESET, Kind.PATTERN, Kind.TAKE_UP, Kind.RAPID))
+"""Kinds of rows as numbers of `_kinds`."""
+
 
 class Writer:
     """Writes corrections into the text, chunk after chunk."""
@@ -68,6 +72,9 @@ class Writer:
         self._programmed: NDArrayBool = np.empty((0, 0), bool)
         self._ours: NDArrayBool = np.empty(0, bool)
         self._inner: NDArrayBool = np.empty(0, bool)
+        self._kinds: list[int] = []
+        self._numbers: list[int] = []
+        """Number of each row among the added ones of its block."""
         self._at_end: dict[int, list[str]] = {}
         """Words that go to the last segment of the move, by block of the chunk."""
         self._begun: set[int] = set()
@@ -104,7 +111,7 @@ class Writer:
         stretches = plain_stretches(motions, plain_arcs, self._editors.rewrite.special) if together else {}
         simple = simple_moves(motions) if indices is not None and not self._converts else np.zeros(len(motions), bool)
         plain: list[tuple[int, PlainRun, PlainWords]] = []
-        behind = 0
+        self._kinds, self._numbers, behind = motions.kind.tolist(), numbers_of_added(motions), 0
         while (row := behind) < len(motions):
             behind = row + 1
             held = self._before(motions, row, elsewhere[row].tolist())
@@ -137,11 +144,12 @@ class Writer:
 
         simple: the block may run several times, and its text then follows from its move alone.
         """
-        if motions.kind[row] == Kind.MACHINE:
+        kind = self._kinds[row]
+        if kind == MACHINE:
             self._go_to_machine_position(motions, row, held)
-        elif motions.kind[row] == Kind.PRESET:
+        elif kind == PRESET:
             self._preset(motions, row, held)
-        elif motions.kind[row] == Kind.PATTERN:
+        elif kind == PATTERN:
             self._follow(motions, correction, row, held, shift)
         elif not simple:
             self._write_row(motions, correction, row, held, bool(motions.rotary_only[row]))
@@ -242,7 +250,7 @@ class Writer:
             self._write_words(motions, correction, row, held, rotary_only, added)
             self._put_beside(motions, row, added, self._path(start, held))
             return
-        self._editors.layout = self._editors.layout.after(motions.blocks[block])
+        self._editors.layout = self._editors.layout_after(self._editors.layout, motions.blocks[block])
         again = block in self._begun and row in motions.cycles
         editor = self._editors.new(motions, block) if again else self._editors.of(motions, block)
         arc, straight = motions.arcs.get(row), block in self._editors.rewrite.straight
@@ -349,14 +357,13 @@ class Writer:
 
     def _added_block(self, motions: Motions, row: int) -> AddedBlock:
         arc, start_fraction = motions.arcs.get(row), float(motions.start_fraction[row])
-        takes_up = motions.kind[row] == Kind.TAKE_UP
+        takes_up = self._kinds[row] == TAKE_UP
         tag = Tag.TAKE_UP if takes_up else Tag.PIECE if math.isnan(start_fraction) else part(start_fraction)
         block = motions.blocks[motions.block[row]]
         iterations = self._editors.iterations_of(motions, int(motions.block[row]))
-        layout = self._editors.layout_of(motions, int(motions.block[row])).after(block)
-        first = int(np.searchsorted(motions.block, motions.block[row]))
-        number = int(np.count_nonzero(motions.added[first:row]))
-        sense, rapid = 0 if arc is None else arc.sense, motions.kind[row] == Kind.RAPID
+        layout = self._editors.layout_after(self._editors.layout_of(motions, int(motions.block[row])), block)
+        number = self._numbers[row]
+        sense, rapid = 0 if arc is None else arc.sense, self._kinds[row] == RAPID
         return AddedBlock(block, layout, tag, sense, rapid=rapid, iterations=iterations, number=number)
 
     def _put_beside(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
