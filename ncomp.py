@@ -42,7 +42,16 @@ if TYPE_CHECKING:
     from calibration.fit.together import TogetherNotAccepted
     from calibration.instruments import Ballbar, Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
     from calibration.interface.calibrations import diagnose, drift, fit, fit_together
-    from calibration.interface.evaluations import ballbar, compare, continuous, iso230, square, three_points, tracker
+    from calibration.interface.evaluations import (
+        ballbar,
+        compare,
+        continuous,
+        etve,
+        iso230,
+        square,
+        three_points,
+        tracker,
+    )
     from calibration.interface.measurements import (
         plan,
         predict,
@@ -90,6 +99,7 @@ __all__ = [
     "correct",
     "diagnose",
     "drift",
+    "etve",
     "export",
     "export_parameters",
     "fit",

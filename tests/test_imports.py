@@ -30,6 +30,7 @@ CALIBRATION = (
     "calibration.fit",
     "calibration.gaussian_terms",
     "calibration.single_axis",
+    "calibration.environment",
     "calibration.evaluation",
     "calibration.planning",
     "calibration.simulation",

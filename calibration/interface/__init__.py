@@ -4,7 +4,7 @@ from calibration.fit.calibrate import NotAccepted
 from calibration.fit.together import TogetherNotAccepted
 from calibration.instruments import Ballbar, Interferometer, LaserTracker, Lengths, Level, Part, TouchProbe
 from calibration.interface.calibrations import diagnose, drift, fit, fit_together
-from calibration.interface.evaluations import ballbar, compare, continuous, iso230, square, three_points, tracker
+from calibration.interface.evaluations import ballbar, compare, continuous, etve, iso230, square, three_points, tracker
 from calibration.interface.measurements import (
     plan,
     predict,
@@ -40,6 +40,7 @@ __all__ = [
     "continuous",
     "diagnose",
     "drift",
+    "etve",
     "fit",
     "fit_together",
     "iso230",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from calibration.continuous.estimate import Estimate, TableRows
     from calibration.continuous.reading import Data
     from calibration.continuous.records import QuasiStatic
+    from calibration.environment.etve import Etve
     from calibration.evaluation.comparison.result import Comparison
     from calibration.evaluation.rectangle import Rectangle
     from calibration.measurement.measurement import Measurement
@@ -195,6 +196,18 @@ def tracker(data: str | Path) -> Fitted:
     from calibration.measurement.tracker_tests import fit_tests, read_tests
 
     return fit_tests(read_tests(Path(data)))
+
+
+@public
+def etve(data: str | Path, *, period_h: Annotated[float, 1e-3, None] | None = None) -> Etve:
+    """The environmental temperature variation error (ISO 230-3) of a standing machine, um and urad, with U (k = 2).
+
+    data: log with the columns of `ncomp etve`; period_h: time, h, that a measurement takes, by default the whole log.
+    UserError with line and column for a log that cannot be used, and for a period beyond it.
+    """
+    from calibration.environment.etve import read_etve
+
+    return read_etve(Path(data), period_h)
 
 
 @dataclass(frozen=True, repr=False)

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from calibration.diagnosis.conclusion.result import Diagnosis
+    from calibration.environment.etve import Etve
     from calibration.evaluation.rectangle import Rectangle
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
@@ -94,6 +95,13 @@ def _tracker(found: Fitted) -> Report:
     return tracker_report(found, "tests of a tracker")
 
 
+def _etve(found: Etve) -> Report:
+    from calibration.environment.report import etve_report
+    from kinematics.files.report_head import ReportHead
+
+    return etve_report(found, found.source, ReportHead())
+
+
 def _touches(found: Probed) -> Report:
     from calibration.reports.touches import touches_report
     from kinematics.files.report_head import ReportHead
@@ -112,6 +120,7 @@ REPORTS: dict[str, Callable[[Any], Report]] = {
     "Together": _together,
     "Diagnosis": _diagnosis,
     "Drift": _drift,
+    "Etve": _etve,
     "Plan": _plan,
     "AxisTest": _axis_test,
     "CircularTests": _circles,

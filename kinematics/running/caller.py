@@ -80,7 +80,7 @@ VALUES = {
     "tcp-feed": "inverse-time scaled",
 }
 """Values that are plain words, by their options: such a word does not show by itself that it is a value."""
-UNITS = ("s", "ms", "us", "min", "days", "mm", "um", "m", "deg", "degC", "share")
+UNITS = ("s", "ms", "us", "min", "h", "days", "mm", "um", "m", "deg", "degC", "share")
 """Words that stand for a number, by its unit."""
 FUNCTIONS = {"import": "import_tables"}
 """Functions of commands whose name is a word of Python."""

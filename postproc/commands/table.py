@@ -48,6 +48,7 @@ COMMANDS = {
     "three-points": "calibrations.three_points",
     "certificate": "history.certificate",
     "drift": "calibrations.drift",
+    "etve": "calibrations.etve",
     "history add": "history.add",
     "history list": "history.list",
     "history show": "history.show",

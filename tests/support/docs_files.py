@@ -219,6 +219,7 @@ FILES: dict[str, Maker] = {
     "details.toml": shown("certificate.md", "identifier ="),
     "list.csv": shown("measurements/lists.md", "target_mm,reading_mm"),
     "errors.csv": shown("measurements/lists.md", "E_XX,X"),
+    "night.csv": shown("standards.md", "time,X1_um"),
     "touches.csv": shown("drift.md", "temp_spindle,temp_air"),
     "rail.csv": shown("measurements/log.md", "time,axis,run"),
     "air.csv": shown("measurements/log.md", "temp_air;temp_bed"),

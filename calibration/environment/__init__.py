@@ -1,0 +1,1 @@
+"""What the environment does to a machine that stands still."""
