@@ -315,7 +315,7 @@ REFUSED = {
     "X=DEEP": "DEEP is not set by the program",
     "DEEP=5": "DEEP is neither a declared variable nor an axis",
     "REPEAT\nX=IC(1)\nUNTIL $AA_IW[X]>5": "no coordinate, loop or branch can depend on it",
-    "G2 X5 Y0 Z1 I2 J0 K1 F100": "K gives no centre in the plane of X and Y, and no manual says",
+    "G2 X5 Y0 Z1 K1 F100": "the arc has no centre and no radius: write I and J, or CR",
     "R1=$AA_IW[X]\nX=R1": "R1 is not known: $AA_IW[X] is the position that the control measures",
     "R1=2 R2=2\nIF R1==1 OR R2==2\nENDIF": "a comparison binds less than AND and OR",
     "R1=5 X=R1": "variable assigned and used in the same block",
@@ -386,7 +386,7 @@ def test_the_head_stays_in_front():
 # ---- real programs
 
 ACCEPTED = {
-    "arrays": False, "actual_position": False, "arc": False, "axis_index_assignment": False, "custom_vars": False,
+    "arrays": False, "actual_position": False, "arc": True, "axis_index_assignment": False, "custom_vars": False,
     "defaults": False, "edge_cases": False, "flatten_demo": True, "increment": False, "logic_operators": True,
     "simple": False, "spline": True, "trans2": False, "basic_math": True, "case": True,
     "case_insensitive_variables": True, "def_string": True, "for_loop": True, "function_calls": True, "goto": True,

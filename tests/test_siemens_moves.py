@@ -76,6 +76,8 @@ ARCS = {
     "G91 G3 I10 AR=180\nG90": (10, 0),
     "G3 I10 TURN=2 Z-5": (10, 0),
     "G2 X20 I10 TURN=1 Z-5": (10, 0),
+    "G2 X0 Y20 Z10 I0 J10 K5": (0, 10),
+    "G3 X20 Z-5 I=AC(10) J=AC(0) K=AC(-5)": (10, 0),
 }
 
 
@@ -90,6 +92,14 @@ def test_arcs_by_angle_and_by_turns(block):
     assert after.arcs[1].centre == pytest.approx(np.add(ARCS[block], (-3e-3, 4.2e-3)), abs=2e-4)
     assert "AR=" not in written
     assert correct(text) == text
+
+
+def test_the_centre_of_a_helix_in_space_stays_across_its_plane():
+    """The manual gives a helix as G2 X Y Z I J K TURN=; K is a coordinate of the centre that the plane does not need."""
+    text = "G1 X0 Y50 Z0 F1000\nG2 X0 Y0 Z10 I0 J-25 K5\n"
+    written, notes = corrected(text, model=shifted(load("gantry"), **OFFSET))
+    assert written.splitlines()[1] == "G2 X-0.0030 Y0.0042 Z9.9945 I0 J-25 K5"
+    assert "K of an arc lies across the plane of its circle: taken as without effect" in str(notes)
 
 
 # ---- frames against matrices written here

@@ -33,11 +33,12 @@ def read_arc(
     turns: int,
     absolute: bool,
     hint: str = "",
+    in_space: bool = False,
 ) -> Arc:
     """The arc of a block to `target`, programmed coordinates, mm; Refusal for words that give no arc.
 
     other: indices of words by address. radius: the address of a radius. turns: whole turns besides the arc. absolute:
-    a centre is a position. hint: advice where the centre fits only as a position.
+    a centre is a position. hint: advice where the centre fits only as a position. in_space: as for `centre_words`.
     """
     ends = arc_ends(channel, block, target)
     i = radius_alone(block, other, radius)
@@ -47,7 +48,7 @@ def read_arc(
         form = "radius-absolute" if absolute else "radius"
         size, tolerance = channel.number(block, i, channel.modal.unit), channel.short_radius_mm
         return arc_by_radius(block, ends, size, i, form, notes=channel.notes, tolerance=tolerance)
-    indices = centre_words(block, other, channel.modal.plane, radius)
+    indices = centre_words(block, other, channel.modal.plane, radius, in_space=in_space)
     centre = centre_of(channel, block, indices, absolute=absolute)
     return arc_by_centre(block, ends, centre, indices, absolute=absolute, hint=hint)._replace(turns=turns)
 

@@ -59,14 +59,17 @@ def centre_letters(plane: str) -> tuple[str, str]:
     return first, second
 
 
-def centre_words(block: Block, other: Mapping[str, int], plane: str, radius: str) -> tuple[int | None, int | None]:
+def centre_words(
+    block: Block, other: Mapping[str, int], plane: str, radius: str, *, in_space: bool = False
+) -> tuple[int | None, int | None]:
     """Indices of the words of a centre in a plane; Refusal if there are none, or if one belongs to another plane.
 
-    other: indices of words by address. radius: the address of a radius, for the message.
+    other: indices of words by address. radius: the address of a radius, for the message. in_space: the control takes a
+    centre with three coordinates, of which only those in the plane count.
     """
     letters = centre_letters(plane)
     outside = [a for a in CENTRES if a not in letters and a in other and block.words[other[a]].value]
-    if outside:
+    if outside and not in_space:
         raise block.refuse(
             f"{outside[0]} gives no centre in the plane of {' and '.join(plane[:2])}, and no manual says that the "
             f"control leaves it out: write {' and '.join(letters)} alone"

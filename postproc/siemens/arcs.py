@@ -20,12 +20,20 @@ ARC_WORDS = frozenset((*CENTRES, *MIDDLES, "CR", "AR", "TURN"))
 
 
 def arc_of(channel: Channel, block: Block, content: Content, target: list[float]) -> Arc:
-    """The circle of an arc to `target`, programmed coordinates, mm; Refusal where the words give none."""
+    """The circle of an arc to `target`, programmed coordinates, mm; Refusal where the words give none.
+
+    The centre of a helix is a point with I, J and K (NC programming, 12/2019, 2.9.7), of which the plane needs two.
+    """
     turns = value_of(block, block.words[content.other["TURN"]]) if "TURN" in content.other else 0.0
     if turns != int(turns) or turns < 0.0:
         raise block.refuse(f"TURN={turns:g} is no number of turns: write a whole number of 0 or more")
     absolute = _is_absolute(channel, block, content)
-    return read_arc(channel, block, content.other, target, radius="CR", turns=int(turns), absolute=absolute)
+    across = next(letter for letter in CENTRES if letter not in centre_letters(channel.modal.plane))
+    if across in content.other and channel.number(block, content.other[across], 1.0):
+        channel.notes.add(f"{across} of an arc lies across the plane of its circle: taken as without effect", block.line)
+    return read_arc(
+        channel, block, content.other, target, radius="CR", turns=int(turns), absolute=absolute, in_space=True
+    )
 
 
 def _is_absolute(channel: Channel, block: Block, content: Content) -> bool:
