@@ -371,19 +371,11 @@ class Flow:
             )
         self.modals.pop()
 
-    def _rerun(self, at: int, block: Block, step: Rerun) -> int | None:
+    def _rerun(self, at: int, _: Block, step: Rerun) -> int | None:
         times = 1 if step.times is None else whole(step.times, self.scope)
         if times < 1:
             return None
-        firsts = self.listing.labelled(step.first, at)
-        if len(firsts) != 1 or (firsts[0] >= at and not step.last) or self.listing.has_label("ENDLABEL"):
-            raise block.refuse(f"the repetition needs exactly one label {step.first} before it")
-        last = at - 1
-        if step.last:
-            lasts = self.listing.labelled(step.last, at)
-            if len(lasts) != 1 or lasts[0] < firsts[0]:
-                raise block.refuse(f"the repetition needs exactly one label {step.last} after {step.first}")
-            last = lasts[0]
-        self.frames.append(_Frame(at, firsts[0], last, times - 1, None, self.frames[-1].modals))
+        first, last = self.listing.part(step, at)
+        self.frames.append(_Frame(at, first, last, times - 1, None, self.frames[-1].modals))
         self._jumped = True
-        return firsts[0]
+        return first

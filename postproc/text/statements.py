@@ -189,6 +189,8 @@ class Rerun(NamedTuple):
     last: str
     """Nothing: up to the statement itself."""
     times: Expression | None = None
+    end_label: str = ""
+    """The label that ends every part without one of its own, if the language has one."""
 
 
 Step: TypeAlias = Simple | Jump | When | Select | Begin | Else | End | Leave | Again | Call | Return | Modal | Rerun

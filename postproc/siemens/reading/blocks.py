@@ -162,6 +162,7 @@ _WORDS: dict[str, Callable[[Any], Word]] = {
     "BARE": _bare,
     "EXTERN": _bare,
     "SYNCHRONOUS": _bare,
+    "PARTIAL": _bare,
     "call": _call,
     "called": _called,
 }

@@ -278,7 +278,7 @@ def _repeat(parts: list[Any]) -> Step:
         return Begin("DO")
     if str(parts[0]).upper() == "REPEATB":
         return Rerun(names[0], names[0], times)
-    return Rerun(names[0], names[1] if len(names) > 1 else "", times)
+    return Rerun(names[0], names[1] if len(names) > 1 else "", times, "ENDLABEL")
 
 
 _STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {

@@ -12,6 +12,7 @@ from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 from postproc.text.calls.called_files import shown_name
 from postproc.text.expressions import NotKnown
+from postproc.text.statements import Rerun
 
 
 class Passed(Exception):
@@ -106,13 +107,34 @@ class Listing:
         run = None if at in ran else self.files.runs.get(at)
         return run if run is None or not at <= last < at + len(run) - 1 else run.part(0, last + 1 - at)
 
-    def has_label(self, name: str) -> bool:
-        """Whether some block has a label."""
-        return name in self._labelled
-
     def labelled(self, name: str, at: int) -> list[int]:
         """The blocks of a label in the program that a block belongs to."""
         return [i for i in self._labelled.get(name, []) if self._programs[i] == self._programs[at]]
+
+    def part(self, step: Rerun, at: int) -> tuple[int, int]:
+        """The first and the last block of the part that the block `at` runs again; NotKnown where labels do not tell.
+
+        Without a second label it ends with the end label behind the first, or before `at`.
+        """
+        first, last = step.first, step.last
+        firsts = self.labelled(first, at)
+        if len(firsts) == 1 and step.end_label:
+            ends = [end for end in self.labelled(step.end_label, at) if end >= firsts[0]]
+            if ends and firsts[0] < at < ends[0] and not last:
+                raise NotKnown(
+                    f"the repetition stands between {first} and {step.end_label}, which both may end it: write it with "
+                    "two labels"
+                )
+            if ends and not last:
+                return firsts[0], ends[0]
+        if len(firsts) != 1 or (firsts[0] >= at and not last):
+            raise NotKnown(f"the repetition needs exactly one label {first} before it")
+        if not last:
+            return firsts[0], at - 1
+        lasts = self.labelled(last, at)
+        if len(lasts) != 1 or lasts[0] < firsts[0]:
+            raise NotKnown(f"the repetition needs exactly one label {last} after {first}")
+        return firsts[0], lasts[0]
 
     def first_block(self, name: str, at: int, *, local: bool, begun: bool) -> int:
         """The first block of a subprogram: of the file of the call, of the main program, or of another file.
