@@ -112,8 +112,8 @@ class Counts:
         """Notes on the whole program."""
         held = {} if outside.leaves else evaluated.outside.largest
         left = [
-            f"{axes} not corrected: the program has not named the axis since a new frame, a move in machine "
-            f"coordinates or an unknown M function (lines {shortened(ranges(lines))})"
+            f"{axes} not corrected: the program has not named the axis since a new frame, the end of radius "
+            f"compensation, a move in machine coordinates or an unknown M function (lines {shortened(ranges(lines))})"
             for axes, lines in result.left.items()
         ]
         return [
