@@ -106,6 +106,9 @@ KLARTEXT = {
     # canned cycles leave the tool at the second set-up clearance, which counts from the surface
     "L X+10 Y+20 Z+90|" + DRILL + "L X+30 M99|L Y+25": (30, 25, 43),
     "L X+10 Y+20 Z+90|" + DRILL + "CYCL CALL|L IX+5": (15, 20, 43),
+    "L X+10 Y+20 Z+90|" + DRILL + "L X+30 M89|L Y+25|L Z+50|L IZ+5": (30, 25, 48),
+    "L X+10 Y+20 Z+90|" + DRILL + "L X+30 M89|L Y+25 M99|L Z+60|L IZ+5": (30, 25, 65),
+    "L X+10 Y+20 Z+90|" + DRILL + "L X+30 M89|CYCL DEF 4.0 POCKET|L Z+60|L IZ+5": (30, 20, 65),
     "L X+10 Y+20 Z+90|" + DRILL + "CYCL CALL POS X+1 Y+2 Z+5 FMAX|L IX+5": (6, 2, 48),
     # behind the end nothing runs
     "L X+10 Y+20 Z+30 M30|L X+99": (10, 20, 30),

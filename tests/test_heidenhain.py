@@ -458,7 +458,7 @@ REFUSED = [
     ("CR X+1 R+5 DR+ M91", "M91 needs a straight line"),
     ("M128\nL Z+0 M91", "M91 while M128 is on"),
     ("M128\nTOOL CALL 2 Z", "a tool is called while M128 is on"),
-    *((f"L X+1 M{code}", f"M{code} ") for code in (89, 97, 98, 99, 101, 104, 112, 114, 130, 142, 144, 150, 200)),
+    *((f"L X+1 M{code}", f"M{code} ") for code in (97, 98, 101, 104, 112, 114, 130, 142, 144, 150, 200)),
     ("L X+1 M118 Z1", "M118 superimposes moves of the handwheel, which are not known"),
     ("M138 C", "M138 selects the axes that M128 compensates, which is not followed"),
     ("C X+10 Y+20 DR+", "the block has no pole in the present frame"),

@@ -5,8 +5,9 @@ import re
 import numpy as np
 import pytest
 from support.klartext_programs import HEAD, OFFSET, SHIFT, TAIL, correct, read
-from support.programs import load, random_model, shifted
+from support.programs import load, model_of, random_model, shifted
 
+from kinematics.effects import Backlash
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from postproc.compensation.correction import pose_errors
@@ -109,6 +110,33 @@ def test_cycles_start_from_the_corrected_place():
     assert "Z+99.9945" in written
 
 
+def test_a_cycle_behind_every_move():
+    """M89 runs it at X10, X20 and Y30, where each hole begins at the second clearance of the one before; M99 ends it."""
+    cycle = "CYCL DEF 200 DRILLING ~\n  Q200=+2 ;SET-UP ~\n  Q201=-20 ;DEPTH ~\n  Q203=+5 ;SURFACE ~\n  Q204=+50 ;2ND\n"
+    text = HEAD + "L Z+90\n" + cycle + "L X+10 Y+5 FMAX M89\nL X+20 M8\nM9\nL Y+30 M99\nL Z+100 FMAX\nL IZ+1\n" + TAIL
+    assert read(text).start[2:, 2].tolist() == [90, 55, 55, 55, 100]
+    written = correct(text, model=shifted(load("gantry"), **OFFSET))
+    lines = ["L X+9.9970 Y+5.0042 FMAX M89", "L X+19.9970 M8", "M9", "L Y+30.0042 M99", "L Z+99.9945 FMAX", "L IZ+1"]
+    assert [line for line in written.splitlines() if line in lines] == lines
+
+
+def test_no_block_of_our_own_where_a_cycle_runs_behind_every_move():
+    """The blocks that take up backlash would each be a hole."""
+    cycle = "CYCL DEF 200 D ~\n  Q200=+2 ~\n  Q201=-20 ~\n  Q203=+5 ~\n  Q204=+50\n"
+    text = HEAD + "L X+0 Y+0 Z+90\n" + cycle + "L X+10 F500 M89\nL X+60 Y+60\nL X+5 Y+70\nL X+4 M99\nL Z+100\n" + TAIL
+    model = model_of(load("gantry"), Backlash("X", 20.0))
+    written = correct(text, model=model)
+    assert len(written.splitlines()) == len(text.splitlines())
+    assert "L X+4.9900 Y+70" in written
+    assert "NCOMP TAKE-UP" in correct(text.replace(" M89", ""), model=model)
+
+
+@pytest.mark.parametrize("block", ["L M89", "L X+5 M89 M99", "CYCL CALL M89"])
+def test_where_a_cycle_behind_every_move_cannot_begin(block):
+    with pytest.raises(UserError, match=r"M89 (needs a move|in a cycle call)"):
+        read(HEAD + "CYCL DEF 200 D Q200=+2 Q201=-20 Q203=+5 Q204=+50\n" + block + "\n" + TAIL)
+
+
 def test_points_of_a_compensated_contour_are_corrected():
     text = HEAD + "L X+10 Y+10 RL F500\nL Y+50\nRND R5\nL X+60\nCHF 2\nL Y+10\nL X+0 R0\n" + TAIL
     written = correct(text, model=shifted(load("gantry"), **OFFSET))
@@ -118,10 +146,6 @@ def test_points_of_a_compensated_contour_are_corrected():
 
 
 def test_no_block_of_our_own_in_a_compensated_contour():
-    from support.programs import model_of
-
-    from kinematics.effects import Backlash
-
     text = HEAD + "L X+10 Y+10 RL F500\nL Y+50\nL X+60 Y+60\nL X+5 Y+70\n" + TAIL
     written = correct(text, model=model_of(load("gantry"), Backlash("X", 20.0)))
     assert "NCOMP TAKE-UP" not in written

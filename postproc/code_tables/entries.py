@@ -125,6 +125,7 @@ KLARTEXT_M = {
     2.0: "end of the program",
     6.0: "tool change",
     30.0: "end of the program",
+    89.0: "calls the cycle behind every move, until M99",
     91.0: "machine coordinates: the move stays",
     92.0: "coordinates from a point of the machine manufacturer: the move stays, and its end is not known",
     94.0: "reduces the displayed position of rotary axes",

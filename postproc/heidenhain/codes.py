@@ -15,9 +15,8 @@ HARMLESS_M = frozenset(
 SKIPPABLE_M = frozenset(map(float, (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19)))
 """Spindle, coolant and stops: whether they run does not change the meaning of other blocks."""
 PROGRAM_END_M = frozenset((2.0, 30.0))
-MEANT_M = frozenset((6.0, 91.0, 92.0, 94.0, 99.0, 126.0, 127.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
+MEANT_M = frozenset((6.0, 89.0, 91.0, 92.0, 94.0, 99.0, 126.0, 127.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
 REFUSED_M = {
-    89.0: "calls a cycle after every move, which is not followed: write M99 in each block",
     **dict.fromkeys((95.0, 96.0, 97.0, 98.0), "changes the path at corners, which is not corrected"),
     101.0: "changes to a replacement tool, whose length is not known: write TOOL CALL",
     104.0: "returns to an earlier datum, which is not known: write cycle 247",
@@ -69,7 +68,8 @@ FRAME_CYCLES = {
 }
 """The words that a cycle may have, the value of each that changes nothing, and what any other does."""
 PRESET_CYCLE = 247
-CALL_M = 99.0
+CALL_M, MODAL_CALL_M = 99.0, 89.0
+"""Run the cycle after the move of the block, and after each move until M99 or another cycle."""
 TRANSFORMATION_CYCLES = frozenset((7, 8, 10, 11, 26))
 DATA_CYCLES = frozenset((9, 13, 14, 20, 32, 392))
 """Cycles that run at their definition or hold data: a call does not run them."""

@@ -11,6 +11,7 @@ from postproc.control.channel import LEANS
 from postproc.control.words import Content, value_of
 from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import (
+    CALL_M,
     CONTOUR_CYCLES,
     CYCLES_AROUND_POSITION,
     CYCLES_AT_POSITION,
@@ -20,6 +21,7 @@ from postproc.heidenhain.codes import (
     FRAME_CYCLES,
     HARMLESS_CYCLES,
     HARMLESS_M,
+    MODAL_CALL_M,
     PATTERN_CYCLES,
     PRESET_CYCLE,
     PROGRAM_CALL_CYCLE,
@@ -51,6 +53,8 @@ class Cycles:
         match = _CYCLE.fullmatch(block.detail)
         assert match is not None
         number = int(match[1])
+        if number not in DATA_CYCLES and number not in FRAME_CYCLES and number != PRESET_CYCLE:
+            channel.modal.calls_cycle = False
         if number == PRESET_CYCLE:
             self._set_preset(block)
         elif number in FRAME_CYCLES:
@@ -85,11 +89,30 @@ class Cycles:
         channel = self.channel
         words = channel.axis_words(block, content.axes)
         x_y_z = channel.x_y_z
+        channel.modal.calls_cycle = False
         if sorted(word.axis for word, _ in words) != sorted(x_y_z) or any(word.incremental for word, _ in words):
             raise block.refuse("CYCL CALL POS needs an absolute position: write X, Y and Z")
         target = channel.target(block, words)
         channel.move(index, Kind.RAPID, target, words)
         self.run(block, target[x_y_z[2]] / channel.modal.unit)
+
+    def run_behind(self, block: Block, content: Content) -> None:
+        """Behind a move with M99, and from one with M89 on behind each move, up to the next M99."""
+        modal = self.channel.modal
+        if MODAL_CALL_M in content.m:
+            if not content.axes or CALL_M in content.m:
+                raise block.refuse(
+                    "M89 needs a move and no M99: write it with X or Y, and M99 in the last of its blocks"
+                )
+            modal.calls_cycle = True
+            text = (
+                "M89 is taken to run the cycle behind every move, until M99 or another cycle (machine parameter 7440)"
+            )
+            self.channel.notes.add(text, block.line)
+        if CALL_M in content.m or (modal.calls_cycle and content.axes):
+            self.run(block)
+        if CALL_M in content.m:
+            modal.calls_cycle = False
 
     def run(self, block: Block, shifted: float = 0.0) -> None:
         """A canned cycle starts from its corrected position; the control makes depths and contours.

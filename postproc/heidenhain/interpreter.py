@@ -18,7 +18,6 @@ from postproc.heidenhain.calls import program, unit_of
 from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import (
     AXIS_M,
-    CALL_M,
     COMPENSATIONS,
     HARMLESS_FN,
     HARMLESS_KINDS,
@@ -109,7 +108,7 @@ class HeidenhainInterpreter(Interpreter):
         compensated = modal.compensated
         self._run_block(index, block)
         shifted = modal.cornered or compensated or modal.compensated or block.kind == "normal_line"
-        self.channel.no_insertion = shifted and block.kind in MOVING_KINDS
+        self.channel.no_insertion = (shifted or modal.calls_cycle) and block.kind in MOVING_KINDS
         modal.cornered = block.kind in ("rounding", "chamfer")
         return block
 
@@ -282,8 +281,7 @@ class HeidenhainInterpreter(Interpreter):
             self._retract()
 
     def _functions_at_end(self, block: Block, content: Content) -> None:
-        if CALL_M in content.m:
-            self.cycles.run(block)
+        self.cycles.run_behind(block, content)
         if 129.0 in content.m:
             self.channel.switch_tcp(False)
         if 6.0 in content.m:

@@ -29,6 +29,8 @@ class ModalState(modal_state.ModalState):
     """Oversize of its radius by TOOL CALL, mm."""
     cycle: int = 0
     """Number of the last cycle that was defined for a call; 0 for none."""
+    calls_cycle: bool = False
+    """The cycle runs after every move (M89)."""
     transformations: DatumTransformations = field(default_factory=DatumTransformations)
     """Datum transformations outside a tilted plane."""
     tilt: Placement | None = None
@@ -47,7 +49,7 @@ class ModalState(modal_state.ModalState):
         """True while L is a straight move in coordinates that are not tilted, without radius compensation."""
         transformed = self.transformations.active or self.tilted_transformations.active
         blocked = self.ended or self.compensated or self.cornered or self.levelled or self.tilt is not None
-        return self.begun and not transformed and not blocked
+        return self.begun and not transformed and not blocked and not self.calls_cycle
 
     def frame(self) -> Frame:
         """The frame of programmed coordinates in force."""

@@ -30,7 +30,9 @@ def arc_of(channel: Channel, block: Block, content: Content, target: list[float]
     absolute = _is_absolute(channel, block, content)
     across = next(letter for letter in CENTRES if letter not in centre_letters(channel.modal.plane))
     if across in content.other and channel.number(block, content.other[across], 1.0):
-        channel.notes.add(f"{across} of an arc lies across the plane of its circle: taken as without effect", block.line)
+        channel.notes.add(
+            f"{across} of an arc lies across the plane of its circle: taken as without effect", block.line
+        )
     return read_arc(
         channel, block, content.other, target, radius="CR", turns=int(turns), absolute=absolute, in_space=True
     )
