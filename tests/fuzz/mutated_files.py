@@ -50,7 +50,7 @@ def files() -> dict[str, tuple[File, ...]]:
     """Valid files, by kind."""
     sys.path.insert(0, str(TESTS))
     found: dict[str, list[File]] = {}
-    for file in [*_machines(), *_calibrations(), *_data(), *_tables(), *_tool_tables(), *_others()]:
+    for file in [*_machines(), *_calibrations(), *_data(), *_tables(), *_tool_tables(), *_others(), *_of_pages()]:
         found.setdefault(file.kind, []).append(file)
     return {kind: tuple(each) for kind, each in found.items()}
 
@@ -136,6 +136,12 @@ def _others() -> Iterable[File]:
         yield File("study", path.name, path.read_text())
     for name, text in _recorded().items():
         yield File("continuous", name, "".join(text.splitlines(keepends=True)[: 10 * ROWS]))
+
+
+def _of_pages() -> Iterable[File]:
+    from tests.fuzz import files_of_pages
+
+    return (File(*each) for each in files_of_pages.files())
 
 
 def _plan() -> str:
@@ -242,6 +248,16 @@ def _read_study(path: Path, _: list[str]) -> None:
     read_study(path)
 
 
+def _read_height_map(path: Path, _: list[str]) -> None:
+    from postproc.control_data.height_maps.read_map import read_map
+
+    read_map(path, "mm")
+
+
+def _read_touches(path: Path, more: list[str]) -> None:
+    _command("touches", str(path), *more, "-o", "-")
+
+
 def _read_etalon(path: Path, _: list[str]) -> None:
     import machines
     from postproc.control_data.formats import FORMATS
@@ -286,6 +302,8 @@ READERS: dict[str, Callable[[Path, list[str]], None]] = {
     "plan": _read_plan,
     "points": _read_points,
     "log": _read_log,
+    "height-map": _read_height_map,
+    "touches": _read_touches,
     "study": _read_study,
     "etalon": _read_etalon,
     "continuous": _read_continuous,
