@@ -6,6 +6,9 @@ INSTALLED := $(VENV)/.installed
 MACHINE := dmu50
 PROGRAM := box.nc
 PROGRAMS := 20000
+INPUTS := 5000
+SECONDS := 600
+MUTANTS := 200
 SEED := 1
 SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 
@@ -16,7 +19,7 @@ test test-unit test-statistical test-exams test-all: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-unit test-statistical test-exams test-all fuzz speed speed-small lint docs pages wheel lock clean
+.PHONY: help setup demo test test-unit test-statistical test-exams test-all fuzz fuzz-readers mutations exam speed speed-small lint docs pages wheel sbom lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 25
@@ -51,6 +54,13 @@ test-all: $(INSTALLED) ## run every test; those of LinuxCNC and FreeCAD fail, ra
 fuzz: $(INSTALLED) ## examine random programs with every fuzzer (PROGRAMS=200 SEED=2); what differs goes to tests/fuzz/found
 	$(BIN)/python -m tests.fuzz all --programs $(PROGRAMS) --seed $(SEED) --jobs 2
 
+fuzz-readers: $(INSTALLED) ## fuzz every reader of files guided by coverage, with Atheris (INPUTS=5000 SECONDS=600 SEED=2)
+	$(BIN)/pip install --quiet --disable-pip-version-check --upgrade --target .cache/atheris atheris==3.0.0
+	PYTHONPATH=.cache/atheris $(BIN)/python -m tests.fuzz.guided --inputs $(INPUTS) --seconds $(SECONDS) --seed $(SEED)
+
+mutations: $(INSTALLED) ## put faults into the code that decides signs and positions, and count those that no test notices (MUTANTS=200 SEED=2)
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.code_mutants --mutants $(MUTANTS) --seed $(SEED) --jobs 2
+
 speed: $(INSTALLED) ## measure the speed beside other readers of NC programs, and write docs/speed.md (ARGS="--lines 10000000")
 	$(BIN)/python benchmarks/speed.py --page docs/speed.md $(ARGS)
 
@@ -70,6 +80,15 @@ wheel: $(INSTALLED) ## build the wheel, and try it in an empty venv of each Pyth
 	rm -rf dist
 	$(BIN)/python -m hatchling build
 	tests/wheel_in_venvs.sh dist/*.whl
+
+sbom: $(INSTALLED) ## write the bill of materials of an installed wheel, with licences (CycloneDX), to out/ncomp.cdx.json, and list it
+	rm -rf dist .cache/sbom && mkdir -p out
+	$(BIN)/python -m hatchling build -t wheel
+	$(BIN)/python -m venv .cache/sbom/installed && $(BIN)/python -m venv .cache/sbom/tool
+	.cache/sbom/installed/bin/python -m pip install --quiet --disable-pip-version-check -c requirements.lock dist/*.whl
+	.cache/sbom/tool/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom==7.5.0
+	.cache/sbom/tool/bin/cyclonedx-py environment --output-reproducible --of JSON -o out/ncomp.cdx.json .cache/sbom/installed/bin/python
+	$(BIN)/python docs/make/licences.py out/ncomp.cdx.json
 
 pages: $(INSTALLED) ## renew the pages that docs/make writes: codes, digits of the evidence, refusals, results, outputs of the tutorial and of the notebook
 	for page in controls configuration evidence refusals results tutorial session router; do $(BIN)/python docs/make/$$page.py || exit 1; done

@@ -179,6 +179,16 @@ def test_a_calibrated_length_shows_the_scale_and_a_fitted_one_the_difference_of_
     assert not any("shows no scale" in text for text in seen[1])
 
 
+def test_the_scale_is_as_sure_as_the_length_of_the_bar():
+    """Readings 12 um longer, a length that is known to 3 um, and typical scales of 11 um at the end: it is the scale."""
+    bar = Ballbar(u_um=0.3, length_mm=150.0, length_u_um=3.0)
+    measured, _ = circles_of(Scale("X", 80.0), Scale("Y", 80.0), bar=bar, step=6.0)
+    model = calibrate(measured, hold_out=False, basis="legendre:1").model
+    scales = {each.axis: each.parameters[1] for each, _ in model.error_motions if each.component == each.axis}
+    for axis in "XY":
+        assert 1e3 * scales[axis] / 150.0 == pytest.approx(80.0, abs=4.0)
+
+
 CAUSES = {
     "backlash X": Backlash("X", 8.0),
     "lateral-play E_YX": LateralPlay("Y", "X", 8.0),

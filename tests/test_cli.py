@@ -179,7 +179,7 @@ WRONG_USAGE = [
     (["in.nc", *GANTRY, "--tolerance-um", "much"], "correct: --tolerance-um much: expected a number (um);"),
     (["in.nc", *GANTRY, "--tolerance-um", "1,5"], "expected a number (um); write the decimal point as '.'"),
     (["in.nc", *GANTRY, "--jobs", "1.5"], "correct: --jobs 1.5: expected a whole number"),
-    (["verify", "in.nc", "--machine", "gantry"], "verify: OUT.nc is missing: the corrected program"),
+    (["verify", "in.nc", "--machine", "gantry"], "--machine is for the comparison of two programs: give the original as well"),
     (["fit", "--machine", "gantry", "-o", "x"], "fit: DATA.csv... is missing: measurement files"),
     (["fit", "d.csv", "--machine", "gantry"], "fit: --output CAL.json is missing: file for the calibration"),
     (["--nonsense"], "correct: unknown option --nonsense"),

@@ -233,6 +233,7 @@ def test_a_pattern_goes_as_a_whole(pattern, words):
     written = correct(text, model=shifted(GANTRY, **OFFSET))
     for word in words:
         assert word in written
+    assert written.count("CYCL DEF 22") == 1
     moved = read(written).target - read(text).target
     np.testing.assert_allclose(moved[:, :2], np.broadcast_to(SHIFT[:2], moved[:, :2].shape), atol=1e-9)
 

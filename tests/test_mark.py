@@ -1,12 +1,14 @@
 """The mark of a corrected program: its fingerprints, and `verify` finds another calibration or set-up."""
 
 import itertools
+import json
 import re
 from pathlib import Path
 
 import pytest
 from support.programs import load, model_of
 
+import ncomp
 from kinematics.effects import LocationError
 from kinematics.error_model.model import write_model
 from postproc.correct.mark import Mark, mark_in
@@ -39,7 +41,7 @@ def corrected(command, tmp_path):
 
 def test_the_mark_is_short_and_plain(corrected):
     (line,) = (line for line in Path("out.nc").read_text().splitlines() if mark_in(line))
-    pattern = r"\(NCOMP \S+ MACHINE GANTRY CALIBRATION [0-9A-F]{12} PROGRAM [0-9A-F]{12} SETUP [0-9A-F]{8} DATUM [0-9A-F]{8}\)"
+    pattern = r"\(NCOMP \S+ MACHINE GANTRY CALIBRATION [0-9A-F]{12} PROGRAM [0-9A-F]{12} SETUP [0-9A-F]{8} DATUM [0-9A-F]{8} TEXT [0-9A-F]{8}\)"
     assert re.fullmatch(pattern, line)
     assert len(line) < 130
     assert corrected().status == 0
@@ -127,3 +129,85 @@ def test_other_dialects(command, name, text):
     refused = command("verify", name, "out.nc", *common, *setup, f"{offset}=1,2,4")
     assert refused.status == 2
     assert "another set-up" in refused.err
+    assert stated(command, "out.nc")["edited"] is False
+    edited = re.sub(r"(?<=X)[+]?\d", "-1", Path("out.nc").read_text())
+    Path("out.nc").write_text(edited)
+    assert stated(command, "out.nc")["edited"] is True
+
+
+def stated(command, name: str) -> dict:
+    """What `ncomp verify NAME` says."""
+    done = command("verify", name, "--json", "-")
+    assert done.status == 0, done.err
+    return json.loads(done.out)
+
+
+@pytest.mark.usefixtures("corrected")
+def test_a_program_alone_says_by_what_it_was_corrected(command):
+    found = stated(command, "out.nc")
+    original = json.loads(
+        command("in.nc", "-m", "gantry", "-c", "cal.json", "-o", "2.nc", *options(), "--json", "-").out
+    )
+    assert found["machine"] == "GANTRY"
+    assert found["calibration"] == ncomp.load_calibration("gantry", "cal.json").id.upper()
+    assert found["program"] == original["provenance"]["inputs"]["in.nc"].upper()
+    assert found["edited"] is False
+    shown = command("verify", "out.nc").out.decode()
+    assert "for the machine GANTRY with the calibration" in shown
+    assert "It was not edited since" in shown
+
+
+EDITS = {
+    "a sign": ("X200", "X-200"),
+    "a word": (" F500", " F400"),
+    "a comment": ("M30", "M30 (x)"),
+    "a blank": ("G1 X", "G1  X"),
+    "another line": ("M30\n", "G0 Z400\nM30\n"),
+    "no last line end": ("M30\n", "M30"),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+@pytest.mark.usefixtures("corrected")
+def test_an_edit_is_seen(command, edit):
+    text = Path("out.nc").read_text()
+    old, new = EDITS[edit]
+    Path("out.nc").write_text(re.sub(r"X(?=2\d\d)", "X-", text) if edit == "a sign" else text.replace(old, new))
+    assert Path("out.nc").read_text() != text
+    assert stated(command, "out.nc")["edited"] is True
+    assert "It was EDITED since" in command("verify", "out.nc").out.decode()
+
+
+@pytest.mark.usefixtures("corrected")
+def test_other_ends_of_lines_are_no_edit(command):
+    Path("out.nc").write_bytes(Path("out.nc").read_bytes().replace(b"\n", b"\r\n"))
+    assert stated(command, "out.nc")["edited"] is False
+
+
+@pytest.mark.parametrize(
+    "options_given", [("-m", "gantry"), ("--tolerance-um", "2"), ("--datum", "G54=true"), ("--classes",)]
+)
+@pytest.mark.usefixtures("corrected")
+def test_options_of_a_comparison_need_two_programs(command, options_given):
+    done = command("verify", "out.nc", *options_given)
+    assert done.status == 2
+    assert "give the original as well" in done.err
+
+
+@pytest.mark.usefixtures("corrected")
+def test_a_program_without_a_mark_or_with_an_old_one(command):
+    done = command("verify", "in.nc")
+    assert done.status == 2
+    assert "has no mark of ncomp" in done.err
+    Path("old.nc").write_text(f"{OLD}\n{PROGRAM}")
+    assert stated(command, "old.nc")["edited"] is None
+    assert command("verify", "in.nc", "out.nc").status == 2  # no machine
+
+
+@pytest.mark.usefixtures("corrected")
+def test_a_program_that_was_corrected_twice_states_the_last_correction(command):
+    assert command("out.nc", "-m", "gantry", "-c", "other.json", "-o", "twice.nc", *options(), "--force").status == 0
+    found = stated(command, "twice.nc")
+    assert found["calibration"] == ncomp.load_calibration("gantry", "other.json").id.upper()
+    assert found["edited"] is False
+    assert command("verify", "out.nc", "twice.nc", "-m", "gantry", "-c", "other.json", *options()).status == 0

@@ -126,6 +126,15 @@ def test_positions_that_words_lead_to(case, mill):
     assert angles(done)[-3:] == pytest.approx(expected, abs=1e-9)
 
 
+def test_many_plain_lines_lead_the_shortest_way(mill):
+    """Lines that are read as columns: 0, 350, 10, 200, 90, 350, ... turn by -10, 20, -170, -110, -100 degrees, ..."""
+    lines = "".join(f"X{i}. C{number}.\n" for i, number in enumerate([350, 10, 200, 90] * 10))
+    text = f"G21 G90 G17 G94\nT1 M6\nG54\nG0 X40. Y5. Z300. B0. C0.\nG1 F500\n{lines}M30\n"
+    found = angles(ncomp.correct(text, mill("shortest"), "none", dialect="iso"))[-40:]
+    assert found[:5].tolist() == pytest.approx([-10, 10, -160, -270, -370])
+    assert np.diff(found) == pytest.approx(([20, -170, -110, -100] * 10)[:39])
+
+
 LIMITED = "[0, 360]"
 
 

@@ -237,3 +237,24 @@ def test_a_module_that_lacks_a_library_names_the_library(tmp_path: Path, monkeyp
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(ModuleNotFoundError, match="'library_that_nobody_has'"):
         importlib.import_module("ncomp.needs_a_library")
+
+
+def test_the_same_source_makes_the_same_bytes(tmp_path: Path) -> None:
+    """In another folder, with other times and permissions of the files, and another order of hashes."""
+    built = []
+    for number, name in enumerate(("here", "elsewhere")):
+        project = tmp_path / name / "project"
+        project.mkdir(parents=True)
+        for part in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "ncomp.py"):
+            shutil.copyfile(ROOT / part, project / part)
+        for package in hatch_build.PACKAGES:
+            shutil.copytree(ROOT / package, project / package, ignore=shutil.ignore_patterns("__pycache__"))
+        for path in project.rglob("*") if number else ():
+            os.utime(path, (1e9, 1e9))
+            path.chmod((path.stat().st_mode & 0o100) | (0o600 if path.is_file() else 0o700))
+        code = "import hatchling.build as b; print(b.build_wheel('dist'), b.build_sdist('dist'))"
+        environment = os.environ | {"PYTHONHASHSEED": str(number)}
+        subprocess.run([sys.executable, "-c", code], cwd=project, check=True, capture_output=True, env=environment)
+        built.append({path.name: path.read_bytes() for path in (project / "dist").iterdir()})
+    assert len(built[0]) == 2
+    assert built[0] == built[1]

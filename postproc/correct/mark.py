@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import IO, NamedTuple
 
@@ -20,14 +21,15 @@ from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, Source
 
 _MARK = re.compile(
-    r"NCOMP \d\S* MACHINE \S+ CALIBRATION ([0-9A-F]+)"
-    r"(?: PROGRAM [0-9A-F]+)?(?: SETUP ([0-9A-F]+))?(?: DATUM ([0-9A-F]+))?"
+    r"NCOMP (?P<version>\d\S*) MACHINE (?P<machine>\S+) CALIBRATION (?P<calibration>[0-9A-F]+)"
+    r"(?: PROGRAM (?P<program>[0-9A-F]+))?(?: SETUP (?P<setup>[0-9A-F]+))?(?: DATUM (?P<datum>[0-9A-F]+))?"
+    r"(?: TEXT (?P<text>[0-9A-F]+))?"
 )
 _PLAIN = re.compile(r"[^A-Z0-9_.-]")
 NAME_LENGTH = 20
 """Largest number of characters of the machine name in a mark, which must fit on the lines of old controls."""
 DIGITS = 8
-"""Number of hexadecimal digits in the fingerprints of set-up and datum."""
+"""Number of hexadecimal digits in the fingerprints of set-up, datum and text."""
 DECIMALS = 6
 """Decimals of mm and degrees in the text of a fingerprint."""
 AT_ONCE = 1 << 20
@@ -59,15 +61,24 @@ def mark_of(model: ErrorModel, state: ControlState) -> Mark:
 
 
 def mark_line(
-    dialect: Dialect, machine: Machine, mark: Mark, source: Source, accepted: Iterable[str] = (), called: str = ""
+    dialect: Dialect,
+    machine: Machine,
+    mark: Mark,
+    source: Source,
+    accepted: Iterable[str] = (),
+    called: str = "",
+    *,
+    text_hash: str,
 ) -> str:
     """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it.
 
-    called: the end of the mark of a called program, or of a converted one.
+    called: the end of the mark of a called program, or of a converted one; text_hash: fingerprint of the corrected
+    text without this line.
     """
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
     text = f"NCOMP {VERSION} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
     text += "".join(f" {word} {value}" for word, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
+    text += f" TEXT {text_hash}"
     names = ",".join(sorted(accepted)).upper()
     text += (f" ACCEPTED {names}" if names else "") + called
     return dialect.comment.format(text) + source.line_end
@@ -85,21 +96,67 @@ UNCHANGED = " CALLED"
 def mark_in(text: str) -> Mark | None:
     """The mark in the text of a block; None if there is none."""
     match = _MARK.search(text) if "NCOMP" in text else None
-    return Mark(*match.groups()) if match else None
+    return Mark(match["calibration"], match["setup"], match["datum"]) if match else None
 
 
 def mark_in_program(source: Source) -> Mark | None:
-    """The mark of a corrected program; None if there is none."""
+    """The mark of a corrected program, of its last correction; None if there is none."""
+    found = None
+    for _, text in _lines_with_name(source):
+        found = mark_in(text) or found
+    return found
+
+
+def _lines_with_name(source: Source) -> Iterator[tuple[int, str]]:
+    """Numbered lines of a program in which the name of ncomp may stand; none where it stands nowhere."""
     if source.has_line_feeds and not any(b"NCOMP" in piece for piece in source.pieces()):
+        return
+    yield from ((number, text) for number, text in source.lines() if "NCOMP" in text)
+
+
+class Statement(NamedTuple):
+    """What the mark of a program says, and whether the text is still the one of the correction."""
+
+    version: str
+    """Version of ncomp."""
+    machine: str
+    calibration: str
+    program: str | None
+    """Fingerprint of the original program."""
+    setup: str | None
+    datum: str | None
+    text: str | None
+    """Fingerprint of the corrected text."""
+    found: str
+    """Fingerprint of the text now."""
+    line: int
+    """Line of the mark."""
+    words: str
+    """The mark."""
+
+    @property
+    def edited(self) -> bool | None:
+        """Whether the text was changed after the correction; None for a mark that does not say it."""
+        return None if self.text is None else self.text != self.found
+
+
+def statement_in(source: Source) -> Statement | None:
+    """What the mark of a program's last correction says; None for a program without one."""
+    marks = [(number, match) for number, text in _lines_with_name(source) if (match := _MARK.search(text)) is not None]
+    if not marks:
         return None
-    return next((found for _, text in source.lines() if (found := mark_in(text))), None)
+    line, match = marks[-1]
+    of_text = TextHash()
+    of_text.add(source.mark.encode(ENCODING))
+    for number, text in source.lines():
+        if number != line:
+            of_text.add(text.encode(ENCODING))
+    return Statement(**match.groupdict(), found=str(of_text), line=line, words=match.string.strip())
 
 
 def conversions_in_program(source: Source) -> list[str]:
     """`to-axes` or `to-tcp` for each conversion of a program by ncomp, in their order."""
-    if source.has_line_feeds and not any(b"NCOMP" in piece for piece in source.pieces()):
-        return []
-    marks = (text for _, text in source.lines() if mark_in(text) is not None)
+    marks = (text for _, text in _lines_with_name(source) if mark_in(text) is not None)
     return [name for text in marks for name, words in CONVERTED.items() if words and words in text]
 
 
@@ -142,13 +199,33 @@ def mark_index(dialect: Dialect, blocks: Sequence[Block]) -> int | None:
     return next((i for i, b in enumerate(blocks) if b.kind != "blank" and not dialect.is_head(b)), None)
 
 
+class TextHash:
+    """Fingerprint of a text without its carriage returns: a transfer to a control may change the ends of lines."""
+
+    def __init__(self) -> None:
+        self._found = hashlib.sha256()
+
+    def add(self, text: bytes) -> None:
+        """Take the next part."""
+        self._found.update(text.translate(None, b"\r"))
+
+    def __str__(self) -> str:
+        """The fingerprint of all parts so far."""
+        return self._found.hexdigest()[:DIGITS].upper()
+
+
 class MarkedOutput:
     """Collects a program with room for its mark, which is known only after the whole program has run."""
 
     def __init__(self, lines: IO[bytes]) -> None:
         """`lines`: an empty file for the lines of the program."""
         self._lines, self._room = lines, -1
-        self._number = ""
+        self._number, self._hash = "", TextHash()
+
+    @property
+    def text_hash(self) -> str:
+        """Fingerprint of all lines so far."""
+        return str(self._hash)
 
     @property
     def has_room(self) -> bool:
@@ -158,6 +235,7 @@ class MarkedOutput:
     def write(self, text: bytes) -> None:
         """Write lines."""
         self._lines.write(text)
+        self._hash.add(text)
 
     def leave_room(self, number: str = "") -> None:
         """Leave room for the mark here, after the number of its block."""

@@ -7,7 +7,7 @@ import random
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 
 from tests.code_mutants.argued import ARGUED
 from tests.code_mutants.modules import MODULES, files, modules_of_tests
@@ -38,7 +38,8 @@ def judged(mutants: list[Mutant], jobs: int) -> Iterator[tuple[Mutant, Run]]:
         return mutant, run(mutant, [each.test for each in found], MOST_TIME * seconds + MORE_SECONDS)
 
     with ThreadPoolExecutor(jobs) as pool:
-        yield from pool.map(judge, mutants)
+        for done in as_completed([pool.submit(judge, mutant) for mutant in mutants]):
+            yield done.result()
 
 
 def main() -> int:

@@ -31,9 +31,11 @@ from tests.code_mutants.operators import Mutant, tree_of
 ROOT = Path(__file__).parents[2]
 LIBRARIES = ("numpy", "scipy.optimize", "scipy.interpolate", "scipy.sparse.linalg", "scipy.stats", "sympy", "lark",
              "typer", "rich.console", "msgspec", "jinja2", "sqlalchemy", "xdist", "hypothesis.extra.numpy")  # fmt: skip
-MOST_TIME = 3
+MOST_TIME = 2
 """Processor time of a run with a fault, in times of the run without: longer ones do not end."""
 MORE_SECONDS = 20
+TEST_SECONDS = 25
+"""Processor time of one test, which takes a few seconds without a fault."""
 MEMORY = 6 << 30
 """Address space of a run, bytes."""
 
@@ -77,6 +79,15 @@ class _Finder(importlib.abc.MetaPathFinder):
         return importlib.util.spec_from_file_location(name, self.file, loader=_Changed(name, self.file, self.tree))
 
 
+class _Limit:
+    """A plug-in of pytest: the process ends where one test takes too long."""
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_setup(self) -> None:
+        """The time of the next test; the signal that nobody handles ends the process."""
+        signal.setitimer(signal.ITIMER_PROF, TEST_SECONDS)
+
+
 def prepare() -> None:
     """Import the libraries, and let tests draw the same examples in each run; failures are not shrunk."""
     for name in LIBRARIES:
@@ -96,7 +107,7 @@ def run(mutant: Mutant | None, tests: Iterable[str], seconds: float = 1200.0, pl
         shown = log.read().decode(errors="replace")
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
-        late = number in (signal.SIGXCPU, signal.SIGKILL)
+        late = number in (signal.SIGXCPU, signal.SIGKILL, signal.SIGPROF)
         return Run(True, "time" if late else signal.Signals(number).name, used)
     failed = [line.removeprefix("FAILED ") for line in shown.splitlines() if line.startswith(("FAILED", "ERROR"))]
     last = shown.strip().rpartition("\n")[2]
@@ -131,7 +142,7 @@ def _run_tests(
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         if mutant is not None:
             sys.meta_path.insert(0, _Finder(mutant))
-        status = int(pytest.main([*options, "-m", "not statistical and not exam", *tests], plugins))
+        status = int(pytest.main([*options, "-m", "not statistical and not exam", *tests], [*plugins, _Limit()]))
     except BaseException:
         traceback.print_exc()
     finally:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import ncomp
+from kinematics.user_error import UserError
 from postproc.commands.options.declared import MODEL, argument, option
 from postproc.commands.options.files import file_of_calibration
 from postproc.commands.options.program import ConditionsOptions, DatumOptions, Program
-from postproc.commands.options.shared import CalibrationName, MachineName, ResultOptions, whole_results
+from postproc.commands.options.shared import CalibrationName, OptionalMachine, ResultOptions, whole_results
 from postproc.text.source import open_source
 
 EPILOG = (
@@ -19,7 +20,8 @@ EPILOG = (
     "`ncomp verify part.nc part_c.nc --machine gantry --calibration cal.json --align after.json`  evaluates the "
     "correction by a calibration that was measured after the part was cut\n\n"
     "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --accept calibration`  accepts a program "
-    "that was corrected with another calibration"
+    "that was corrected with another calibration\n\n"
+    "`ncomp verify part_c.nc`  says by what a program was corrected, and whether it was edited since"
 )
 
 
@@ -52,15 +54,26 @@ class VerificationOptions:
 def verify(
     *,
     program: Program,
-    corrected: str = argument("The corrected program.", "OUT.nc", reads=True),
-    machine: MachineName,
+    corrected: str | None = argument(
+        "The corrected program; without it IN.nc is one, and only its mark is read.", "OUT.nc", default=None, reads=True
+    ),
+    machine: OptionalMachine,
     calibration: CalibrationName,
     options: VerificationOptions,
     set_up: DatumOptions,
     at: ConditionsOptions,
     others: ResultOptions,
 ) -> None:
-    """Compute the tool point error of a program before and after correction, from the two texts by the exact model."""
+    """Compute the tool point error of a program before and after correction, from the two texts by the exact model.
+
+    With one program alone: say by what it was corrected, and whether it was edited since.
+    """
+    if corrected is None:
+        _refuse_unused(program, machine, calibration, options, set_up, at)
+        _show_statement(program, others)
+        return
+    if machine is None:
+        raise UserError("verify: --machine is missing: name of a machine, or path of its .toml file")
     from postproc.commands.show.terminal import progress_of, say, say_assumed, show
     from postproc.verification.report import verification_report
 
@@ -89,4 +102,40 @@ def verify(
     report = verification_report(done, f"{Path(program).name} and {Path(corrected).name}", found)
     with whole_results(*others.files) as files:
         others.write(done.json(), report, files, inputs)
+    show(report, *others.files)
+
+
+def _refuse_unused(program: str, machine: str | None, calibration: str | None, *groups: Any) -> None:
+    """UserError for options of a comparison, which needs two programs."""
+    named = {"machine": machine, "calibration": calibration}
+    named |= {each.name: _unlike(each.default, getattr(group, each.name)) for group in groups for each in fields(group)}
+    given = [name.replace("_", "-") for name, value in named.items() if value]
+    if given:
+        raise UserError(
+            f"verify {program}: --{given[0]} is for the comparison of two programs: give the original as well, "
+            f"ncomp verify IN.nc {program}; without options ncomp verify {program} reads its mark"
+        )
+
+
+def _unlike(default: Any, value: Any) -> Any:
+    """The value of an option, None for its default."""
+    return None if value == default else value
+
+
+def _show_statement(program: str, others: ResultOptions) -> None:
+    """Read the mark of one program; UserError where it has none."""
+    from postproc.commands.show.terminal import show
+    from postproc.correct.mark import statement_in
+    from postproc.verification.mark_report import mark_report, of_statement
+
+    source = open_source(program)
+    statement = statement_in(source)
+    if statement is None:
+        raise UserError(
+            f"{source.name} has no mark of ncomp: it was not corrected, or its mark was removed; "
+            f"ncomp verify IN.nc {program} --machine NAME compares it with its original"
+        )
+    report = mark_report(statement, Path(program).name)
+    with whole_results(*others.files) as files:
+        others.write(of_statement(statement), report, files, (program,))
     show(report, *others.files)

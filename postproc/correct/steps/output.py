@@ -53,7 +53,8 @@ class Output:
         """
         job = self._job
         mark = mark_of(job.model, state)
-        line = mark_line(job.dialect, job.machine, mark, job.source, accepted, CONVERTED[job.tcp])
+        end, text_hash = CONVERTED[job.tcp], self._lines.text_hash
+        line = mark_line(job.dialect, job.machine, mark, job.source, accepted, end, text_hash=text_hash)
         self._lines.finish(line, out)
         return line.strip() if self._lines.has_room else ""
 
@@ -64,4 +65,5 @@ class Output:
         job = self._job
         mark = mark_of(job.model, state) if changed else Mark(job.model.id.upper())
         names, end = (accepted, called_by(caller.name)) if changed else ((), UNCHANGED)
-        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, names, end), out)
+        text_hash = self._lines.text_hash
+        self._lines.finish(mark_line(job.dialect, job.machine, mark, job.source, names, end, text_hash=text_hash), out)
