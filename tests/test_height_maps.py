@@ -1,11 +1,11 @@
 """Height maps of a workpiece: read as their programs write them, applied in work coordinates, refused in words."""
 
-import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.height_map_files import FORMS, KLIPPER, SMALL, TABLE, UBL, gsender, hmap, rows
 from support.programs import load
 
 import ncomp
@@ -270,68 +270,9 @@ def heights(file: str, *places: tuple[float, float], **options) -> list[float]:
     return [-round(error, 9) for error in errors.tolist()]
 
 
-SMALL = np.array([[0.0, 0.1, 0.4], [0.2, 0.3, 0.0], [0.0, 0.5, 0.2], [0.1, 0.0, 0.3]])
-"""4 x 3 heights, mm, over X 0 10 20 30 and Y 0 5 10; `[x, y]`."""
 PLACES = ((0.0, 0.0), (2.5, 0.0), (12.5, 2.5), (30.0, 10.0), (45.0, -7.0))
 LINEAR = [0.0, 0.05, 0.25 * 0.25 + 0.75 * 0.25, 0.3, 0.1]
 """At X 12.5, Y 2.5: 3/4 of (0.2 + 0.3) / 2 and 1/4 of (0.0 + 0.5) / 2; beyond the map the height of its edge."""
-
-
-def rows(separator: str, last: str = "") -> str:
-    return "".join(
-        f"{10 * i:g}{separator}{5 * j:g}{separator}{SMALL[i, j]:g}{last}\n" for j in range(3) for i in range(4)
-    )
-
-
-def hmap() -> str:
-    points = "".join(f'<point X="{i}" Y="{j}">{SMALL[i, j]}</point>' for i in range(4) for j in range(3))
-    return f'<?xml version="1.0"?><heightmap MinX="0" MinY="0" MaxX="30" MaxY="10" SizeX="4" SizeY="3">{points}</heightmap>'
-
-
-def gsender(units: str = "mm", lowest: float = -1e-9) -> str:
-    points = [{"x": 10 * i, "y": 5 * j, "z": SMALL[i, j] or lowest} for j in range(3) for i in range(4)]
-    return json.dumps({"bounds": {"minX": 0}, "points": points, "units": units})
-
-
-TABLE = "\n".join(",".join(f"{z:.3f}" for z in SMALL[:, j]) for j in range(3)) + "\n"
-KLIPPER = """#*# [bed_mesh default]
-#*# version = 1
-#*# points =
-#*#   {}
-#*# x_count = 4
-#*# y_count = 3
-#*# mesh_x_pps = {pps}
-#*# mesh_y_pps = 0
-#*# algo = {algo}
-#*# tension = 0.2
-#*# min_x = 0
-#*# max_x = 30
-#*# min_y = 0
-#*# max_y = 10
-"""
-UBL = (
-    "Recv: Bed Topography Report:\n\n    (0,10)      (30,10)\n        0       1       2       3\n"
-    + "   |\n".join(f" {j} | " + " ".join(f"{z:+.3f}" for z in SMALL[:, j]) + "\n" for j in (2, 1, 0))
-    + "        0       1       2       3\n    (0,0)       (30,0)\n"
-)
-FORMS = {
-    "map.probe": "0 30 4\n0 10 3\n-2 1 20\n\n\n" + rows(" "),
-    "map.hmap": hmap(),
-    "board.gshmap": gsender(),
-    "probe-results.txt": rows(" ", " 0 0 0 0 0 0"),
-    "smartprobe.txt": "".join(f"G1 X{10 * i} Y{5 * j} Z{SMALL[i, j]}\n" for j in range(3) for i in range(4)),
-    "list.csv": "x,y,z\n" + rows(","),
-    "german.txt": rows("; "),
-    "heightmap.csv": "RepRapFirmware height map file v2 generated at 2026-01-01\n"
-    "axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1\nX,Y,0,30,0,10,-1,10,5,4,3\n" + TABLE,
-    "v2.csv": "RepRapFirmware height map file v2\nxmin,xmax,ymin,ymax,radius,xspacing,yspacing,xnum,ynum\n"
-    "0,30,0,10,-1,10,5,4,3\n" + TABLE,
-    "printer.cfg": KLIPPER.format(TABLE.strip().replace("\n", "\n#*#   "), pps=0, algo="direct"),
-    "g29.txt": "".join(
-        f"Bed X: {10 * i}.000 Y: {5 * j}.000 Z: {SMALL[i, j]:.3f}\n" for j in range(3) for i in range(4)
-    ),
-    "ubl.txt": UBL,
-}
 
 
 @pytest.mark.parametrize("name", FORMS)

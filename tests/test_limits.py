@@ -51,7 +51,6 @@ EXCEPTIONS = {
     "postproc/commands/measurements/simulate_on_the_fly.py:simulate_on_path": 48,
     "postproc/commands/measurements/study.py:study": 48,
     "postproc/commands/programs/correct.py:correct": 43,
-    "postproc/commands/programs/verify.py:verify": 41,
     "postproc/commands/programs/watch.py:watch": 50,
     "postproc/commands/workplace/init.py:init": 49,
     "postproc/interface/folders.py:batch": 45,

@@ -48,7 +48,7 @@ def _examples() -> Iterator[Found]:
 
 
 def _height_maps() -> Iterator[Found]:
-    from test_height_maps import FORMS
+    from support.height_map_files import FORMS
 
     for name, text in FORMS.items():
         yield "height-map", name, text, ()

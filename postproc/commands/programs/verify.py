@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import ncomp
 from kinematics.user_error import UserError
@@ -13,6 +13,10 @@ from postproc.commands.options.files import file_of_calibration
 from postproc.commands.options.program import ConditionsOptions, DatumOptions, Program
 from postproc.commands.options.shared import CalibrationName, OptionalMachine, ResultOptions, whole_results
 from postproc.text.source import open_source
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+    from postproc.verification.verify_programs import Verification
 
 EPILOG = (
     "Examples:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`\n\n"
@@ -74,27 +78,13 @@ def verify(
         return
     if machine is None:
         raise UserError("verify: --machine is missing: name of a machine, or path of its .toml file")
-    from postproc.commands.show.terminal import progress_of, say, say_assumed, show
+    from postproc.commands.show.terminal import say, say_assumed, show
     from postproc.verification.report import verification_report
 
     programs_and_models = (program, corrected, calibration, options.old, options.align)
     inputs = (*programs_and_models, *set_up.tool_table, at.log, at.log_columns)
     found = ncomp.load_machine(machine)
-    model = ncomp.load_calibration(found, calibration)
-    setup, conditions = set_up.setup_of(program, found), at.conditions()
-    programs = open_source(program), open_source(corrected)
-    with progress_of(sum(source.size for source in programs), "verifying") as progress:
-        done = ncomp.verify(
-            *programs,
-            found,
-            model,
-            dialect=set_up.dialect,
-            setup=setup,
-            conditions=conditions,
-            traced=others.report is not None,
-            progress=progress,
-            **vars(options),
-        )
+    done = _compared((program, corrected), found, calibration, options, set_up, at, traced=others.report is not None)
     for assumption in done.assumptions:
         say_assumed(assumption)
     for note in done.notes:
@@ -103,6 +93,36 @@ def verify(
     with whole_results(*others.files) as files:
         others.write(done.json(), report, files, inputs)
     show(report, *others.files)
+
+
+def _compared(
+    names: tuple[str, str],
+    machine: Machine,
+    calibration: str | None,
+    options: VerificationOptions,
+    set_up: DatumOptions,
+    at: ConditionsOptions,
+    *,
+    traced: bool,
+) -> Verification:
+    """The second program, evaluated as a correction of the first."""
+    from postproc.commands.show.terminal import progress_of
+
+    model = ncomp.load_calibration(machine, calibration)
+    setup, conditions = set_up.setup_of(names[0], machine), at.conditions()
+    programs = open_source(names[0]), open_source(names[1])
+    with progress_of(sum(source.size for source in programs), "verifying") as progress:
+        return ncomp.verify(
+            *programs,
+            machine,
+            model,
+            dialect=set_up.dialect,
+            setup=setup,
+            conditions=conditions,
+            traced=traced,
+            progress=progress,
+            **vars(options),
+        )
 
 
 def _refuse_unused(program: str, machine: str | None, calibration: str | None, *groups: Any) -> None:
