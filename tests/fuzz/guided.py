@@ -32,8 +32,8 @@ LONGEST = 20_000
 """Bytes of an input."""
 MEMORY_MB = 1_500
 """Memory of a process: 1 GB above that of the libraries."""
-SECONDS = 10
-"""Seconds of one input, after which libFuzzer ends."""
+SECONDS = 300
+"""Seconds of the clock for one input, after which libFuzzer ends: the judges limit the time of the processor."""
 FOUND_MOST = 2
 """Inputs of one class of failure that are written; all are counted."""
 
