@@ -183,7 +183,7 @@ def clothings(bench: Bench, lines: int) -> Table:
             note(f"round {number + 1}: {name}")
             if not clothing.twin:
                 interpreted[name] = bench.interpret(bench.written(clothing, lines, for_linuxcnc=True))
-            done = bench.correct(bench.written(clothing, lines))
+            done = bench.correct(bench.written(clothing, lines), "dmu50", *clothing.options)
             rows[name].append((done, interpreted[clothing.twin or name]))
     return HEAD, [(name, *figures(pairs, lines)) for name, pairs in rows.items()]
 

@@ -13,6 +13,7 @@ from support.iso_lines import blocks
 from support.no_process import Here
 from support.plain_programs import (
     arc_programs,
+    incremental_programs,
     klartext_lines,
     klartext_mixtures,
     mixtures,
@@ -282,6 +283,30 @@ def test_plain_lines_in_bulk_give_the_same_program(text, seed, piece):
     assert outcome(text, DMU50, model, piece=piece, shortest=3, tolerance_um=1e3) == outcome(
         text, DMU50, model, plain=False, tolerance_um=1e3
     )
+
+
+@drawn(3, 60, 600, text=incremental_programs(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+def test_increments_in_bulk_give_the_same_program(text, seed, piece):
+    model = model_of_errors(seed)
+    single = outcome(text, DMU50, model, plain=False, tolerance_um=1e3)
+    assert outcome(text, DMU50, model, piece=piece, tolerance_um=1e3) == single
+
+
+@drawn(2, 40, 400, text=incremental_programs(siemens=True), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+def test_siemens_increments_in_bulk_give_the_same_program(text, seed, piece):
+    model = model_of_errors(seed)
+    single = outcome(text, DMU50, model, plain=False, dialect="siemens", tolerance_um=1e3)
+    assert outcome(text, DMU50, model, piece=piece, dialect="siemens", tolerance_um=1e3) == single
+
+
+def test_increments_are_written_together(monkeypatch):
+    steps = "".join(f"X{0.01 * (i % 7):.4f} Y-{0.02 * (i % 3):.3f}{' Z0.01' * (i % 2)}\n" for i in range(60))
+    text, written, one_row = f"{HEAD}G91\n{steps}M30", [], Writer._write_row
+    monkeypatch.setattr(Writer, "_write_row", lambda self, *row: (written.append(row), one_row(self, *row))[1])
+    model = model_of_errors(2, 200.0)
+    together = outcome(text, DMU50, model)
+    assert len(written) < 8
+    assert together == outcome(text, DMU50, model, plain=False)
 
 
 TABLE = dataclasses.replace(

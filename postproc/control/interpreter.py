@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -88,6 +89,7 @@ class Interpreter(ABC):
     def _read_run(self, index: int, run: PlainRun) -> Iterator[Block | PlainRun]:
         """Take over plain lines: as columns from the first line before which the state is plain."""
         line = 0
+        run = replace(run, incremental=not self.modal.absolute)
         while line < len(run):
             plain = self.modal.plain and not self.recorder.rotary.sequential
             taken = self._take_lines(index + line, run.part(line, len(run))) if plain else 0
@@ -97,7 +99,8 @@ class Interpreter(ABC):
     def _take_lines(self, index: int, run: PlainRun) -> int:
         """Take over the first lines of a run in the present state, which is plain; returns their number.
 
-        It ends before a line that has no motion, or words that contradict it.
+        It ends before a line that has no motion, or words that contradict it, and among increments before an arc and
+        before an axis whose position the program has not given.
         """
         before = self.modal.motion
         motion = np.append(-1 if before is None else int(before), run.columns.motion)
@@ -105,7 +108,10 @@ class Interpreter(ABC):
         curved, contradicted = arc_motion(run, motion)
         arcs: dict[int, Arc] = {}
         moves = self.recorder.plain_moves(run, self.modal.unit)
-        taken = _before(contradicted | (motion < 0))
+        singly = contradicted | (motion < 0)
+        if run.incremental:
+            singly |= curved | ~self.recorder.adds_up(run)
+        taken = _before(singly)
         if curved[:taken].any():
             modes = self.modal.arc_modes
             if modes is None or not self.recorder.frame.keeps_circles(modes.plane[:2]):

@@ -71,7 +71,7 @@ class ModalState(ABC):
     @property
     @abstractmethod
     def plain(self) -> bool:
-        """True while lines of axis words, with or without a motion code, are moves to absolute positions."""
+        """True while lines of axis words, with or without a motion code, are moves to positions or by increments."""
 
     @property
     def arc_modes(self) -> ArcModes | None:

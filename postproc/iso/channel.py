@@ -137,7 +137,7 @@ class Channel(channel.Channel):
 
     def assume_turns_of(self, run: PlainRun) -> None:
         """Register the assumption on turns for plain lines, as `axis_words` does for other blocks."""
-        for axis in self.unstated_turns:
+        for axis in self.unstated_turns if not run.incremental else ():
             numbers = np.where(run.columns.end[axis] > 0, run.columns.value[axis], 0.0)
             if (outside := np.flatnonzero((numbers < 0.0) | (numbers > TURN))).size:
                 self.assume_turns(axis, float(numbers[outside[0]]), run.number + int(outside[0]))

@@ -105,10 +105,9 @@ class ModalState(modal_state.ModalState):
 
     @property
     def plain(self) -> bool:
-        """True while lines of axis words are moves to absolute positions in X Y Z and rotary axes."""
+        """True while lines of axis words are moves of X Y Z and rotary axes, to positions or by increments."""
         return (
-            self.absolute
-            and not (self.ended or self.compensated or self.tilted or self.lengths.vectors)
+            not (self.ended or self.compensated or self.tilted or self.lengths.vectors)
             and self.cycle is None
             and self.polar is None
             and self.not_programmed.keys() <= {"plane"}

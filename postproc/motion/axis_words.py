@@ -79,4 +79,4 @@ def joined(chunks: Sequence[AxisWords]) -> AxisWords:
 def _words_of(run: PlainRun, index: int) -> Words:
     axes = run.lines.axes
     words = enumerate(run.kept_block(index).words)
-    return tuple([AxisWord(axes.index(word.address), i, False) for i, word in words if word.address in axes])
+    return tuple([AxisWord(axes.index(word.address), i, run.incremental) for i, word in words if word.address in axes])

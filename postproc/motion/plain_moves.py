@@ -1,4 +1,4 @@
-"""Moves of plain lines: axis words to absolute positions, read as columns."""
+"""Moves of plain lines: axis words to positions or increments, read as columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from postproc.text.blocks import PlainRun
 
 
 class PlainMoves(NamedTuple):
-    """Moves of plain lines to absolute positions; columns `(lines, axes)`."""
+    """Moves of plain lines; columns `(lines, axes)`."""
 
     start: Array
     target: Array
@@ -34,10 +34,14 @@ class PlainMoves(NamedTuple):
         words, lines, axes = run.columns, len(run), len(position)
         named = (words.end[:axes] > 0).T
         values = words.value[:axes].T * scale
+        before = np.array([known], np.int8)
+        if run.incremental:
+            positions = np.cumsum(np.concatenate([[position], np.where(named, values, 0.0)]), axis=0)
+            every = np.repeat(before, lines, axis=0)
+            return PlainMoves(positions[:-1], positions[1:], every, every)
         last = np.maximum.accumulate(np.where(named, np.arange(lines)[:, None], -1), axis=0)
         found = last >= 0
         target = np.where(found, values[np.maximum(last, 0), np.arange(axes)], position)
-        before = np.array([known], np.int8)
         after = np.where(found, np.int8(Known.PROGRAM), before)
         start, known_start = np.concatenate([[position], target[:-1]]), np.concatenate([before, after[:-1]])
         return PlainMoves(start, target, known_start, after)

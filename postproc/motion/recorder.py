@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from postproc.motion.along import heading
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.circles import SAME
@@ -146,9 +146,16 @@ class Recorder:
         self.used = self.frame
 
     def plain_moves(self, run: PlainRun, unit: float) -> PlainMoves:
-        """The moves of plain lines to absolute positions; unit: mm per unit of the words of linear axes."""
+        """The moves of plain lines; unit: mm per unit of the words of linear axes."""
         moves = PlainMoves.of(run, np.where(self.machine.rotary, 1.0, unit), self.position, self.known)
         return moves if self.rotary.plain else moves._replace(**self.rotary.of_run(run, moves.target, self.position))
+
+    def adds_up(self, run: PlainRun) -> NDArrayBool:
+        """True `(lines,)` where increments of plain lines are added to positions that the program has given."""
+        if self.start.at or not self.rotary.plain:
+            return np.zeros(len(run), bool)
+        uncertain = [axis for axis, known in enumerate(self.known) if known != Known.PROGRAM]
+        return np.asarray(~(run.columns.end[uncertain] > 0).any(axis=0))
 
     def append(
         self,
@@ -176,7 +183,7 @@ class Recorder:
                 "kind": kind.astype(np.int8),
                 "frame": np.full(lines, len(self._frames) - 1),
                 "unit": np.full(lines, unit),
-                "incremental": np.zeros(lines, bool),
+                "incremental": np.full(lines, run.incremental),
                 "timed": np.full(lines, timed),
                 "frame_unchanged": np.ones(lines, bool),
                 **moves._asdict(),

@@ -65,12 +65,12 @@ class ModalState(modal_state.ModalState):
 
     @property
     def plain(self) -> bool:
-        """True while lines of axis words are moves to absolute positions without corners and cycles."""
+        """True while lines of axis words are moves without corners and cycles."""
         blocked = self.ended or self.compensated or self.cornered or self.rounded or self.polar.radius is not None
         special = self.tilted or self.cycle is not None or bool(self.spline)
         noted = bool(self.length) and self.plane != "XYZ"
         passive = not set(self.machine.control.passive_axes).isdisjoint(self.machine.names)
-        return self.absolute and not (blocked or special or noted or passive)
+        return not (blocked or special or noted or passive)
 
     def frame(self) -> Frame:
         """The frame of programmed coordinates in force."""

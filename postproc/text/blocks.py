@@ -29,6 +29,8 @@ class PlainRun:
     number: int
     """Number of its first line in the file."""
     read_block: Callable[[int, str], Block]
+    incremental: bool = False
+    """Its words are increments, once the modal state that it is read in is known."""
 
     def __len__(self) -> int:
         return self.last - self.first

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from kinematics.machine import NDArrayBool
-from kinematics.transforms import Array, read_only
+from kinematics.transforms import Array
 from postproc.motion.arcs import CENTRES
 from postproc.motion.motions import BY_ROW, Motions
 from postproc.motion.moves import Arc, Kind
@@ -22,12 +22,9 @@ from postproc.text.plain_lines import LARGEST, NumberMarks
 from postproc.text.plain_numbers import POWERS
 from postproc.text.source import ENCODING
 from postproc.write.arcs import NominalArc
+from postproc.write.decimals import Present, increments, rounded
 from postproc.write.plain_arcs import RADIUS, PlainArcs
 from postproc.write.plain_texts import FEED, PlainWords, joined
-
-NEAR_HALF = 1e-6
-"""Distance from a half, in units of the last decimal, within which a number is rounded by its exact digits."""
-
 
 SMALLEST_FEED = 1e-3
 """Number of F, at least: that of a smaller one has more decimals than the columns hold."""
@@ -83,8 +80,9 @@ class PlainRows(msgspec.Struct, dict=True):
             ends[:, column] = _held(named[column], self.target[:, column], held[column])
         layouts = _Layouts(self.run, layout)
         found: list[PlainWords] = []
+        of_axis = self._increments if self.run.incremental else self._axis
         for axis in axes:
-            found += self._axis(axis, held[axis.column], ends[:, axis.column], layouts)
+            found += of_axis(axis, held[axis.column], ends[:, axis.column], layouts)
         arcs: dict[int, Arc] = {}
         lines = len(ends)
         if self.arcs:
@@ -112,7 +110,7 @@ class PlainRows(msgspec.Struct, dict=True):
         found = []
         for added in (False, True):
             rows = np.flatnonzero(set_here & (named != added) & ~unusual)
-            counts, _ = _rounded(feeds[rows], decimals[rows])
+            counts, _ = rounded(feeds[rows], decimals[rows])
             letter, columns = np.full(len(rows), added * FEED), np.full(len(rows), column + added)
             styles = layouts.of_feeds(rows)
             first = rows + self.run.first
@@ -160,7 +158,7 @@ class PlainRows(msgspec.Struct, dict=True):
         if column >= 0:
             columns = self.run.columns
             named, value, own = self._named[column, rows], columns.value[column, rows], columns.decimals[column, rows]
-        counts, number, decimals = _to_write(wanted, named, value, own, axis.decimals)
+        counts, number, decimals = Present(named, value, own, axis.decimals).to_write(wanted)
         changed, added = named & (number != value), ~named & (number != 0.0)
         if changed.any():
             found.append(self._replaced(column, rows[changed], counts[changed], decimals[changed], layouts))
@@ -177,7 +175,7 @@ class PlainRows(msgspec.Struct, dict=True):
         words, column = self.run.columns, axis.column
         named, value = self._named[column], words.value[column]
         wanted = self.corrected[:, column] / axis.unit
-        counts, number, decimals = _to_write(wanted, named, value, words.decimals[column], axis.decimals)
+        counts, number, decimals = Present(named, value, words.decimals[column], axis.decimals).to_write(wanted)
         after = number * axis.unit
         active = self.programmed[:, column] & ~self.kept
         inserted = np.zeros(len(named), bool)
@@ -185,7 +183,7 @@ class PlainRows(msgspec.Struct, dict=True):
         if free.any():
             rows = np.flatnonzero(active)
             before = np.concatenate([[held], after[rows[:-1]]])
-            _, moved = _rounded(wanted[rows] - before / axis.unit, decimals[rows])
+            _, moved = rounded(wanted[rows] - before / axis.unit, decimals[rows])
             added = ~named[rows] & (moved != 0.0)
             unmoved = ~named[rows] & (~added | (number[rows] == before / axis.unit))
             if (after[rows][unmoved] == before[unmoved]).all():
@@ -196,6 +194,18 @@ class PlainRows(msgspec.Struct, dict=True):
         changed, added = np.flatnonzero(named & (number != value)), np.flatnonzero(inserted)
         found = [self._replaced(column, changed, counts[changed], decimals[changed], layouts)]
         return [*found, self._added(axis, added, counts[added], layouts)] if len(added) else found
+
+    def _increments(self, axis: WrittenAxis, held: float, ends: Array, layouts: _Layouts) -> list[PlainWords]:
+        """The result of `_axis` for increments: each leads from the position on the control to the corrected end."""
+        words, column = self.run.columns, axis.column
+        present = Present(self._named[column], words.value[column], words.decimals[column], axis.decimals)
+        active = self.programmed[:, column] & ~self.kept
+        written = increments(present, self.corrected[:, column], active, held, axis.unit)
+        ends[:] = written.ends
+        changed = np.flatnonzero(active & present.named & (written.number != present.value))
+        added = np.flatnonzero(active & ~present.named & (written.number != 0.0))
+        found = [self._replaced(column, changed, written.counts[changed], written.decimals[changed], layouts)]
+        return [*found, self._added(axis, added, written.counts[added], layouts)] if len(added) else found
 
     def _replaced(
         self, column: int, rows: np.ndarray, counts: Array, decimals: np.ndarray, layouts: _Layouts
@@ -335,37 +345,9 @@ class _Layouts:
         return np.where(minus, self._plus[line], plus), leads, blank, comma
 
 
-_UNITS = read_only(np.array([10.0**-decimals for decimals in range(23)]))
-"""One unit of the last decimal."""
-
-
 def _held(sets: NDArrayBool, value: Array, before: float) -> np.ndarray:
     """The value `(lines,)` of the last line that sets one; `before` before the first of them."""
     if sets.all():
         return value
     last = np.maximum.accumulate(np.where(sets, np.arange(len(sets)), -1))
     return np.where(last >= 0, value[last], before)
-
-
-def _to_write(
-    wanted: Array, named: NDArrayBool, value: Array, own: np.ndarray, least: int
-) -> tuple[Array, Array, np.ndarray]:
-    """Numbers to write `(k,)`, in units of their last decimals and as floats, and their decimals.
-
-    named: True where there is a number, `value` with `own` decimals, which stays if it is `wanted`, rounded.
-    """
-    decimals = np.maximum(np.where(named, own, 0), least)
-    counts, number = _rounded(wanted, decimals)
-    stays = named & (np.abs(number - value) < 0.5 * _UNITS[decimals])
-    return counts, np.where(stays, value, number), decimals
-
-
-def _rounded(values: Array, decimals: np.ndarray) -> tuple[Array, Array]:
-    """Numbers that are rounded like by the built-in `round`: in units of the last decimal, and as floats."""
-    scale = POWERS[decimals]
-    scaled = values * scale
-    counts = np.rint(scaled)
-    doubtful = np.abs(np.abs(scaled - counts) - 0.5) < NEAR_HALF + np.abs(scaled) * 1e-15
-    for i in np.flatnonzero(doubtful).tolist():
-        counts[i] = round(round(float(values[i]), int(decimals[i])) * scale[i])
-    return counts, counts / scale

@@ -45,11 +45,11 @@ def numbers(draw, around):
 
 
 @st.composite
-def plain_lines(draw, axes="XYZBC", most=12):
-    """A run of lines in one style, with numbers that cross 0, 10, 100 or 1000, and with omitted words."""
+def plain_lines(draw, axes="XYZBC", most=12, near=(0.0, 0.0, 10.0, -10.0, 100.0, 1000.0)):
+    """A run of lines in one style, with numbers near one of `near`, which they cross, and with omitted words."""
     blank, gap = draw(st.sampled_from([" ", " ", "", "  ", "\t"])), draw(st.sampled_from(["", "", "", " "]))
     lower = draw(st.booleans())
-    around = {axis: draw(st.sampled_from((0.0, 0.0, 10.0, -10.0, 100.0, 1000.0))) for axis in axes}
+    around = {axis: draw(st.sampled_from(near)) for axis in axes}
     lines = []
     for number in range(draw(st.integers(1, most))):
         named = draw(st.lists(st.sampled_from(axes), min_size=1, unique=True))
@@ -75,6 +75,24 @@ def mixtures(draw, axes="XYZBC"):
         lines += draw(st.lists(st.sampled_from(SLOW), max_size=2)) + draw(plain_lines(axes))
     end = draw(st.sampled_from(["\n", "\n", "\r\n"]))
     return end.join(lines) + draw(st.sampled_from([end, end, ""]))
+
+
+BETWEEN_INCREMENTS = (
+    *("G90", "G91", "G90 X1. Y1.", "(comment)", "M8", "G28 Z0.", "G0 X1.", "G3 X1. Y0. I0.5 J0.", "G53 G0 Z0.", "G93"),
+    *("G20", "G55", "G52 X1.", "M0", "G1 X0.00005", "G1 Y.12345", "F100"),
+)
+"""Blocks between increments of ISO and, but for the comment, Siemens: some are refused."""
+
+
+@st.composite
+def incremental_programs(draw, siemens=False):
+    """A program in G91: runs of increments, also of axes that have no position yet, with other blocks between them."""
+    head = "G71 G90 G17 G54 G94" if siemens else draw(st.sampled_from(["G21 G90 G17 G54 G94", "G20 G90 G17 G94"]))
+    lines = [head, draw(st.sampled_from(["G0 X0. Y0. Z200. B0. C0.", "G0 X0. Y0. Z200."])), "G91 G1 X0. F500"]
+    between = [line for line in BETWEEN_INCREMENTS if not siemens or line[0] != "("]
+    for _ in range(draw(st.integers(1, 4))):
+        lines += draw(plain_lines(near=(0.0, 0.0, 1.0))) + draw(st.lists(st.sampled_from(between), max_size=1))
+    return "\n".join(lines) + "\n"
 
 
 ODD_ARCS = (
