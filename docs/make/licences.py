@@ -10,7 +10,10 @@ from pathlib import Path
 
 def licence_of(component: dict) -> str:
     """The licence as its package states it."""
-    found = [each.get("expression") or each["license"].get("id") or each["license"].get("name", "") for each in component.get("licenses", ())]
+    found = [
+        each.get("expression") or each["license"].get("id") or each["license"].get("name", "")
+        for each in component.get("licenses", ())
+    ]
     return "; ".join(dict.fromkeys(text.splitlines()[0][:60] for text in found if text)) or "not stated"
 
 

@@ -152,10 +152,9 @@ class Recorder:
 
     def adds_up(self, run: PlainRun) -> NDArrayBool:
         """True `(lines,)` where increments of plain lines are added to positions that the program has given."""
-        if self.start.at or not self.rotary.plain:
-            return np.zeros(len(run), bool)
-        uncertain = [axis for axis, known in enumerate(self.known) if known != Known.PROGRAM]
-        return np.asarray(~(run.columns.end[uncertain] > 0).any(axis=0))
+        sure = not self.start.at and self.rotary.plain
+        others = [axis for axis, known in enumerate(self.known) if not sure or known != Known.PROGRAM]
+        return ~np.any(run.columns.end[others] > 0, axis=0)
 
     def append(
         self,
