@@ -130,6 +130,56 @@ def test_repetitions_before_the_number_of_a_program(tmp_path, call):
     assert np.allclose(done.moves.machine_target, FANUC_PATH)
 
 
+HAAS = """\
+%
+O1 (HAAS)
+G21 G90 G54 G17
+G0 X100. Y100. Z50.
+M97 P100 L2
+M97P200
+M30
+N100 G91 G1 X10. F500.
+M97 P200
+G90
+M99
+N200 G1 Z20.
+M99
+%
+"""
+HAAS_PATH = [(100, 100, 50), (110, 100, 50), (110, 100, 70), (120, 100, 70), (120, 100, 90), (120, 100, 20)]
+
+
+def test_a_haas_runs_the_blocks_from_a_number_on(tmp_path):
+    """N200 is an increment where N100 calls it, and a position where the program does."""
+    folder = written(tmp_path / "in", {"O1.nc": HAAS})
+    nominal = ncomp.correct(folder / "O1.nc", FANUC_GANTRY, "none", setup=FANUC_SETUP, travel_check=False)
+    assert np.allclose(nominal.moves.machine_target, HAAS_PATH)
+    options = {"setup": FANUC_SETUP, "travel_check": False, "accept": "outside,insignificant"}
+    done = ncomp.correct(folder / "O1.nc", FANUC_GANTRY, MODEL, unroll=True, **options)
+    assert "M97" not in done.text
+    out = written(tmp_path / "out", {"O1.nc": done.text}) / "O1.nc"
+    verdict = ncomp.verify(folder / "O1.nc", out, FANUC_GANTRY, MODEL, setup=FANUC_SETUP).verdict
+    assert verdict.before.largest > 10.0
+    assert verdict.after.largest < 0.3
+
+
+HAAS_REFUSED = {
+    "no block of the number": ("M97P200", "M97P300", FANUC_GANTRY, r"O1\.nc:6: .*no blocks with the label 300"),
+    "two blocks of the number": ("G90\nM99", "N200 G90\nM99", FANUC_GANTRY, r"O1\.nc:9: .*2 blocks with the label 200"),
+    "no number": ("M97P200", "M97", FANUC_GANTRY, r"O1\.nc:6: .*M97 needs P"),
+    "calls itself": ("N200 G1 Z20.", "N200 G1 Z20.\nM97 P200", FANUC_GANTRY, r"O1\.nc:13: .*end the recursion"),
+    "another control": ("", "", GANTRY, r"O1\.nc:5: .*on HAAS only: write family"),
+}
+
+
+@pytest.mark.parametrize("name", HAAS_REFUSED)
+def test_blocks_from_a_number_on_that_are_refused(tmp_path, name):
+    old, new, machine, message = HAAS_REFUSED[name]
+    folder = written(tmp_path, {"O1.nc": HAAS.replace(old, new)})
+    with pytest.raises(UserError, match=message):
+        ncomp.correct(folder / "O1.nc", machine, "none", setup=ncomp.set_up(machine, zero=True), travel_check=False)
+
+
 @pytest.mark.parametrize("line", ["G4 P0002 1000", "G1 P0002 1000 X5."])
 def test_a_number_with_a_blank_outside_of_a_call_is_refused(tmp_path, line):
     folder = written(tmp_path, changed("O0001.nc", "M98 P1000 L2", line))

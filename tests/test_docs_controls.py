@@ -6,7 +6,7 @@ import pytest
 from support.docs_make import MAKE, script
 
 from postproc.code_tables.entries import ENTRIES, ONLY_DEFINED
-from postproc.code_tables.trials import CALLS, families_of, refusal
+from postproc.code_tables.trials import CALLS, TRIALS, families_of, refusal
 from postproc.control import codes as shared
 from postproc.heidenhain import codes as heidenhain
 from postproc.iso import codes as iso
@@ -16,7 +16,11 @@ controls = script(MAKE / "controls.py")
 
 REFUSED = [
     *(("iso", f"G{code:g}", reason) for code, reason in iso.REFUSED_G.items() if f"G{code:g}" not in CALLS),
-    *(("iso", f"M{code:g}", reason) for code, reason in iso.REFUSED_M.items() if f"M{code:g}" not in CALLS),
+    *(
+        ("iso", f"M{code:g}", reason)
+        for code, reason in iso.REFUSED_M.items()
+        if f"M{code:g}" not in CALLS | TRIALS.keys()
+    ),
     *(("siemens", f"G{code:g}", reason) for code, reason in siemens.REFUSED_G.items()),
     *(
         ("siemens", f"{name}", reason)

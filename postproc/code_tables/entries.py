@@ -145,6 +145,7 @@ def iso_entries() -> Iterator[CodeEntry]:
     """FANUC, HAAS, LinuxCNC and others that read ISO code."""
     yield from _numbered("iso", "G", "followed", ISO_FOLLOWED)
     yield from _numbered("iso", "M", "followed", {"subprograms, in the same file or beside it": (98.0, 99.0, 198.0)})
+    yield from _numbered("iso", "M", "followed", {"subprograms from a block with a number on (HAAS)": (97.0,)})
     yield from _numbered("iso", "G", "passes", {PASSES: iso.HARMLESS_G})
     yield from _numbered("iso", "M", "passes", {PASSES: shared.HARMLESS_M})
     yield from _refused("iso", "G", iso.REFUSED_G)

@@ -22,9 +22,10 @@ WORDS = (
 )
 """Words that the codes of ISO programs need."""
 TRIALS = {
-    53.1: "G68.2 X0 Y0 Z0 I0 J0 K0\nG53.1",
-    68.2: "G68.2 X0 Y0 Z0 I0 J0 K0\nG53.1",
-    92.3: "G92 X5.\nG92.2\nG92.3",
+    "G53.1": "G68.2 X0 Y0 Z0 I0 J0 K0\nG53.1",
+    "G68.2": "G68.2 X0 Y0 Z0 I0 J0 K0\nG53.1",
+    "G92.3": "G92 X5.\nG92.2\nG92.3",
+    "M97": "M97 P9\nM30\nN9 M99",
 }
 """Codes that need others before or behind them."""
 CALLS = {"G65", "G66", "G67", "M98", "M99", "M198"}
@@ -69,7 +70,7 @@ def families_of(entry: CodeEntry) -> tuple[str, ...]:
     if entry.verdict != "followed" or entry.code in CALLS:
         return known
     blocks = [f"{entry.code} {words}".strip() for words in WORDS]
-    if entry.letter == "G" and entry.number in TRIALS:
-        blocks = [TRIALS[entry.number]]
+    if entry.code in TRIALS:
+        blocks = [TRIALS[entry.code]]
     found = tuple(family for family in FAMILIES if any(not refusal("iso", block, family) for block in blocks))
     return known if ANY in found else found

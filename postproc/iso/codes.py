@@ -136,8 +136,7 @@ REFUSED_G = {
 TOOL_IS = 61.0
 REFUSED_M = {
     96.0: "jumps at an interrupt, and the time of the interrupt is not known from the program",
-    97.0: "calls a subprogram and is not corrected: call it by M98",
-    98.0: "calls a subprogram by a computed code: write the code as a number",
+    **dict.fromkeys((97.0, 98.0), "calls a subprogram by a computed code: write the code as a number"),
     99.0: "jumps back in the program by a computed code: write the code as a number",
     TOOL_IS: 'sets the tool in the spindle on LinuxCNC: write Q, and family = "linuxcnc" in the machine file',
     **dict.fromkeys(

@@ -125,10 +125,15 @@ OPERATIONS: Operations = {
     "FUP": lambda a: float(math.ceil(a)) if a >= 0.0 else _differing("FUP"),
     "ROUND": _round,
     "program": _short,
+    "numbered block": lambda _: _numbered(),
     "repeated program": _short,
     "repetitions": lambda _: 1.0,
     "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)) if b > 0.0 else _differing("ATAN"),
 }
+
+
+def _numbered() -> Value:
+    raise NotKnown('M97 calls the blocks from a number on, on HAAS only: write family = "fanuc" in the machine file')
 
 
 def _differing(name: str) -> float:
@@ -276,7 +281,7 @@ FANUC: Operations = {
 
 TELLS_VACANT = frozenset(("EQ", "NE"))
 """Operations that tell an empty variable from 0."""
-NEEDS_VALUE = frozenset(("neg", "pos", "program", "repeated program", "repetitions"))
+NEEDS_VALUE = frozenset(("neg", "pos", "program", "numbered block", "repeated program", "repetitions"))
 """Operations that have no result for an empty variable: X-#1 is no X0."""
 
 
@@ -306,6 +311,7 @@ def variables_of(family: str) -> IsoVariables:
     if family == "fanuc":
         plain |= FANUC
         plain |= {
+            "numbered block": float,
             "repetitions": lambda number: float(number // SPLIT) or 1.0,
             "repeated program": lambda n: _program(n % SPLIT),
         }

@@ -276,7 +276,11 @@ class Flow:
         return self._enter(at, block, called)
 
     def _called(self, at: int, step: Call) -> _Called:
-        first = self.listing.first_block(self._name(step.name), at, local=step.local, begun=step.begun)
+        name = self._name(step.name)
+        if step.at_label:
+            first = self.listing.only(name, at)
+        else:
+            first = self.listing.first_block(name, at, local=step.local, begun=step.begun)
         arguments: dict[int, Value | NotKnown] | None = None
         if step.arguments is not None:
             arguments = {number_: self._argument(expression) for number_, expression in step.arguments}

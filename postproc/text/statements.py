@@ -142,6 +142,8 @@ class Call(NamedTuple):
     """True if it is in the file of the call."""
     begun: bool = False
     """True if the subprogram must have its own beginning in a file, as the subroutines of LinuxCNC."""
+    at_label: bool = False
+    """True if it begins with the block of a label in the same program."""
 
 
 class Taken(NamedTuple):

@@ -9,12 +9,14 @@ from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, Expression, Operation
 from postproc.text.statements import Call, Code, EndModal, Modal, Return, Step
 
-CALLS = re.compile(r"(?:M[ \t]*\+?[ \t]*0*(?:9[89]|198)|G[ \t]*\+?[ \t]*0*6[5-7])(?:\.0*)?(?![\d.])", re.IGNORECASE)
+CALLS = re.compile(r"(?:M[ \t]*\+?[ \t]*0*(?:9[789]|198)|G[ \t]*\+?[ \t]*0*6[5-7])(?:\.0*)?(?![\d.])", re.IGNORECASE)
 """Words that call a subprogram or end one."""
 SUBPROGRAM, RETURN, MACRO, MODAL, MODAL_END = ("M", 98.0), ("M", 99.0), ("G", 65.0), ("G", 66.0), ("G", 67.0)
 ELSEWHERE = ("M", 198.0)
 """FANUC: as M98, of a program on another device of the control."""
-CALLING = frozenset((SUBPROGRAM, ELSEWHERE, RETURN, MACRO, MODAL, MODAL_END))
+NUMBERED = ("M", 97.0)
+"""HAAS: as M98, of the blocks of this program from one with a number on."""
+CALLING = frozenset((SUBPROGRAM, ELSEWHERE, NUMBERED, RETURN, MACRO, MODAL, MODAL_END))
 ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
 """Local variables that take the words after G65 and G66."""
 LAST_ARGUMENT = 33
@@ -28,7 +30,7 @@ def names(file: str) -> list[str]:
 
 
 def with_calls(block: Block) -> Block:
-    """The block with M98, M99, G65, G66 and G67 as statements and no longer as words."""
+    """The block with M97, M98, M99, G65, G66 and G67 as statements and no longer as words."""
     found = [word for word in block.words if (word.address, word.value) in CALLING]
     if not found:
         return block
@@ -64,15 +66,18 @@ def _with_return(block: Block, others: tuple[Word, ...]) -> Block:
 
 
 def _with_subprogram(block: Block, word: Word, others: tuple[Word, ...]) -> Block:
-    """M98 or M198 with P or `<NAME>`, and with a number of repetitions in L or in P."""
+    """M97, M98 or M198 with P or `<NAME>`, and with a number of repetitions in L or in P."""
     code = f"M{word.value:g}"
     taken, kept = _taken(block, others, "PLO")
     times = _times(taken)
     if any(other.address in "HQ" for other in kept):
         raise block.refuse(f"{code} with the block number H or Q is not corrected: write the program number P only")
+    if (word.address, word.value) == NUMBERED:
+        name = Operation("numbered block", (_program(block, code, taken),))
+        return _with_step(block, kept, Call(name, None, times, at_label=True))
     if "O" in taken:
         return _with_step(block, kept, Call(_named(block, code, taken), None, times))
-    name: Expression = _program(block, code, taken)
+    name = _program(block, code, taken)
     if times is None:
         name, times = Operation("repeated program", (name,)), Operation("repetitions", (name,))
     else:

@@ -111,6 +111,13 @@ class Listing:
         """The blocks of a label in the program that a block belongs to."""
         return [i for i in self._labelled.get(name, []) if self._programs[i] == self._programs[at]]
 
+    def only(self, name: str, at: int) -> int:
+        """The only block of a label in the program that a block belongs to; NotKnown for another number of them."""
+        found = self.labelled(name, at)
+        if len(found) != 1:
+            raise NotKnown(f"the program has {len(found) or 'no'} blocks with the label {name}: write it once")
+        return found[0]
+
     def part(self, step: Rerun, at: int) -> tuple[int, int]:
         """The first and the last block of the part that the block `at` runs again; NotKnown where labels do not tell.
 
