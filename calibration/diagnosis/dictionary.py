@@ -132,19 +132,27 @@ class Dictionary:
 
     def blocks(self, structure: Structure, further: Sequence[Term] = ()) -> list[Block]:
         """All terms, then further ones, with their products for a structure; those of the last whitening are kept."""
-        if self._sides is None or self._whitening != structure.noise.whitening:
-            self._sides = Sides.of(structure)
-            self._blocks = list(self._new_blocks(structure, self._sides))
+        whole = self._sides
+        if self._whitening != structure.noise.whitening:
+            whole = Sides.of(structure)
+            self._blocks = list(self._new_blocks(structure, whole))
             self._whitening = structure.noise.whitening
-        more = Dictionary(further, len(self.terms))
-        return [*self._with_terms_of(structure), *more._new_blocks(structure, self._sides.with_terms_of(structure))]
+        blocks, self._sides = self._with_terms_of(structure), None
+        if not further:
+            return blocks
+        more, self._sides = Dictionary(further, len(self.terms)), whole or Sides.of(structure)
+        return [*blocks, *more._new_blocks(structure, self._sides.with_terms_of(structure))]
 
     def _with_terms_of(self, structure: Structure) -> list[Block]:
         """The blocks with their products with the terms of a structure."""
-        new = [term for term in structure.terms if self._blocks and term not in self._blocks[0].across]
-        if new:
-            beside, widths = structure.with_terms(new), [term.width for term in structure.terms]
-            own = np.repeat([term in new for term in structure.terms], widths)
+        if not self._blocks:
+            return []
+        new = [term for term in structure.terms if term not in self._blocks[0].across]
+        widths = [term.width for term in structure.terms]
+        for some in _batches([term.width for term in new]):
+            terms = [new[i] for i in some]
+            beside = structure.with_terms(terms)
+            own = np.repeat([term in terms for term in structure.terms], widths)
             back = structure.whitener.back(structure.of_terms[:, own])
             for block, (arm, numbers) in zip(self._blocks, self._members, strict=True):
                 side = back if arm is None else np.einsum("kd,kdc->kc", arm, back.reshape(*arm.shape, -1))
@@ -168,8 +176,7 @@ class Dictionary:
             arms.setdefault(name, (arm, []))[1].append(i)
         found = []
         for arm, numbers in arms.values():
-            ends = np.cumsum([self.terms[i].width for i in numbers]) // BLOCK
-            found += [(arm, np.array(numbers)[ends == end]) for end in np.unique(ends)]
+            found += [(arm, np.array(numbers)[some]) for some in _batches([self.terms[i].width for i in numbers])]
         return found
 
     def _made(self, numbers: np.ndarray) -> Array:
@@ -186,6 +193,12 @@ class Dictionary:
         if sum(each.nbytes for each in self._kept.values()) + made.nbytes <= KEPT_BYTES:
             self._kept[first] = made
         return made
+
+
+def _batches(widths: Sequence[int]) -> list[np.ndarray]:
+    """Numbers of terms of these widths that are worked on together."""
+    ends = np.cumsum(np.array(widths, int)) // BLOCK
+    return [np.flatnonzero(ends == end) for end in np.unique(ends)]
 
 
 def products(table: Array, index: np.ndarray, other: Array | None = None) -> Array:

@@ -98,8 +98,11 @@ class Structure:
     @cached_property
     def of_terms(self) -> Array:
         """Whitened columns `(N, a)` of the terms, one after the other."""
-        own = [self.whitener.columns(term.columns) for term in self.terms]
-        return np.concatenate([np.zeros((len(self.whitener.spanned), 0)), *own], axis=1)
+        ends = np.cumsum([term.width for term in self.terms])
+        found = np.empty((len(self.whitener.spanned), ends[-1] if len(ends) else 0))
+        for term, end in zip(self.terms, ends, strict=True):
+            found[:, end - term.width : end] = self.whitener.columns(term.columns)
+        return found
 
     @property
     def columns(self) -> list[Array]:

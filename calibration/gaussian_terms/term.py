@@ -25,7 +25,11 @@ class Along:
 
     def __call__(self) -> Array:
         """The columns `(n, d, width)`."""
-        return np.asarray(self.arm[:, :, None] * self.functions()[:, None, :])
+        return np.asarray(self.arm[:, :, None] * self._kept[:, None, :])
+
+    @cached_property
+    def _kept(self) -> Array:
+        return self.functions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +60,13 @@ class Term:
     parts: tuple[Term, ...] = ()
     """Terms that are present in its place: one cause in several places, found together; empty for most."""
 
-    @cached_property
+    @property
     def columns(self) -> Array:
         """`(n, d, width)`, in units of its prior sizes, mm and rad."""
+        return self.make() if isinstance(self.make, Along) else self._columns
+
+    @cached_property
+    def _columns(self) -> Array:
         return self.make()
 
     def values(self, coefficients: Array) -> Array:
