@@ -132,15 +132,17 @@ class Dictionary:
 
     def blocks(self, structure: Structure, further: Sequence[Term] = ()) -> list[Block]:
         """All terms, then further ones, with their products for a structure; those of the last whitening are kept."""
-        whole = self._sides
         if self._whitening != structure.noise.whitening:
-            whole = Sides.of(structure)
-            self._blocks = list(self._new_blocks(structure, whole))
+            self._sides, self._blocks = None, []
+            self._sides = Sides.of(structure)
+            self._blocks = list(self._new_blocks(structure, self._sides))
             self._whitening = structure.noise.whitening
-        blocks, self._sides = self._with_terms_of(structure), None
+        blocks = self._with_terms_of(structure)
         if not further:
+            self._sides = None
             return blocks
-        more, self._sides = Dictionary(further, len(self.terms)), whole or Sides.of(structure)
+        self._sides = self._sides or Sides.of(structure)
+        more = Dictionary(further, len(self.terms))
         return [*blocks, *more._new_blocks(structure, self._sides.with_terms_of(structure))]
 
     def _with_terms_of(self, structure: Structure) -> list[Block]:
