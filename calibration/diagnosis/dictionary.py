@@ -150,16 +150,17 @@ class Dictionary:
         if not self._blocks:
             return []
         new = [term for term in structure.terms if term not in self._blocks[0].across]
-        widths = [term.width for term in structure.terms]
         for some in _batches([term.width for term in new]):
-            terms = [new[i] for i in some]
-            beside = structure.with_terms(terms)
-            own = np.repeat([term in terms for term in structure.terms], widths)
-            back = structure.whitener.back(structure.of_terms[:, own])
-            for block, (arm, numbers) in zip(self._blocks, self._members, strict=True):
-                side = back if arm is None else np.einsum("kd,kdc->kc", arm, back.reshape(*arm.shape, -1))
-                block.across.update(beside.by_term(side.T @ self._made(numbers)))
+            self._beside(structure, [new[i] for i in some])
         return self._blocks
+
+    def _beside(self, structure: Structure, terms: Sequence[Term]) -> None:
+        """Adds the products with some terms of a structure to the blocks."""
+        own = np.repeat([term in terms for term in structure.terms], [term.width for term in structure.terms])
+        back, beside = structure.whitener.back(structure.of_terms[:, own]), structure.with_terms(terms)
+        for block, (arm, numbers) in zip(self._blocks, self._members, strict=True):
+            side = back if arm is None else np.einsum("kd,kdc->kc", arm, back.reshape(*arm.shape, -1))
+            block.across.update(beside.by_term(side.T @ self._made(numbers)))
 
     def _new_blocks(self, structure: Structure, whole: Sides) -> Iterator[Block]:
         before, sides = None, whole
