@@ -15,5 +15,7 @@ EXAMINERS: tuple[str, ...] = (
     "verified",
     "contours",
     "cycles",
+    "fanuc",
+    "klartext",
 )
 """Modules of this package that examine."""

@@ -60,6 +60,21 @@ def command(name: str, case: Case, *options: str) -> Run:
         return Run(status, text, shown.replace(folder + "/", ""), content)
 
 
+def corrected_set(case: Case) -> tuple[Run, dict[str, str]]:
+    """`ncomp correct` on a case whose files the program calls: the run, and the texts of all files that it writes."""
+    with tempfile.TemporaryDirectory(prefix="ncomp-fuzz-") as folder:
+        place, out = Path(folder), Path(folder) / "corrected"
+        out.mkdir()
+        arguments = arguments_of(case, place)
+        try:
+            done = run_raising("correct", *arguments, "-o", str(out / case.name))
+            status, shown = done.status, done.shown
+        except UserError as refusal:
+            status, shown = 2, str(refusal)
+        written = {path.name: path.read_bytes().decode(ENCODING) for path in sorted(out.iterdir())}
+        return Run(status, written.get(case.name), shown.replace(folder + "/", ""), {}), written
+
+
 def arguments_of(case: Case, place: Path) -> list[str]:
     """Write the files of a case to a folder; the arguments that name them."""
     for name, text in (case.files | {case.name: case.program}).items():

@@ -33,6 +33,7 @@ from tests.fuzz.ncomp import reason_of
 from tests.fuzz.reckoner import Reckoner, about
 
 TESTS = Path(__file__).parents[1]
+MACHINES_FOLDER = TESTS.parent / "machines"
 MACHINES = ("gantry", "cframe", "bzt_pfu", "dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table")
 ENDINGS = {"iso": ".nc", "siemens": ".mpf", "heidenhain": ".h"}
 LENGTH = 80.0
