@@ -23,7 +23,7 @@ def draw(seed: int) -> Case:
     """A program and those that it calls; the machines take turns."""
     rng = random.Random(seed)
     machine, slopes = MACHINES[seed % len(MACHINES)], rng.random() < 0.5
-    program, files = Program(rng, rotary_of(machine)).texts()
+    program, files = Program(rng, rotary_of(machine), most_deg=290.0 if slopes else 700.0).texts()
     options = options_of(rng, machine, PRESETS, unroll=slopes or rng.random() < 0.3)
     errors = calibration(machine, rng, slopes=slopes)
     return Case(program, "main.h", machine_text(machine, "tool_change_moves = []"), errors, options, files)
@@ -43,8 +43,8 @@ def run(texts: Mapping[str, str], case: Case) -> list[Move]:
 class Program:
     """Writes a program. Every statement begins and ends with the axes at known places."""
 
-    def __init__(self, rng: random.Random, rotary: str) -> None:
-        self.rng, self.rotary = rng, rotary
+    def __init__(self, rng: random.Random, rotary: str, *, most_deg: float) -> None:
+        self.rng, self.rotary, self.most_deg = rng, rotary, most_deg
         self.inch, self.comma = rng.random() < 0.15, rng.random() < 0.2
         self.numbered = rng.random() < 0.5
         self.names, self.parameters, self.labels = iter(range(1, 99)), iter(range(1, 90)), iter(range(1, 400))
@@ -59,7 +59,11 @@ class Program:
     def text(self, name: str, lines: list[str]) -> str:
         """The text of a file."""
         unit = "INCH" if self.inch else "MM"
-        lines = [line for block in (f"BEGIN PGM {name} {unit}", *lines, f"END PGM {name} {unit}") for line in block.split("\n")]
+        lines = [
+            line
+            for block in (f"BEGIN PGM {name} {unit}", *lines, f"END PGM {name} {unit}")
+            for line in block.split("\n")
+        ]
         if self.numbered:
             numbers = iter(range(len(lines)))
             lines = [line if line.startswith("  ") else f"{next(numbers)} {line}" for line in lines]
@@ -134,29 +138,41 @@ class Program:
             angle = self.rng.choice((self.rng.uniform(0.3, 2.6), self.rng.uniform(3.7, 5.5), math.tau))
             centre = round(at[0] - radius * math.cos(begin), 3), round(at[1] - radius * math.sin(begin), 3)
             radius, begin = math.dist(at, centre), math.atan2(at[1] - centre[1], at[0] - centre[0])
-            end = centre[0] + radius * math.cos(begin + sense * angle), centre[1] + radius * math.sin(begin + sense * angle)
+            end = (
+                centre[0] + radius * math.cos(begin + sense * angle),
+                centre[1] + radius * math.sin(begin + sense * angle),
+            )
             turn = "DR+" if sense > 0 else "DR-"
             if angle < math.tau and self.rng.random() < 0.4:
                 lines.append(f"CR {self.at(end)} R{self.number(radius if angle < math.pi else -radius)} {turn}")
             elif self.rng.random() < 0.5:
                 lines += [f"CC {self.at(centre)}", f"C {self.at(end)} {turn}"]
             else:
-                lines += [f"CC IX{self.number(centre[0] - at[0])} IY{self.number(centre[1] - at[1])}", f"C {self.at(end)} {turn}"]
+                lines += [
+                    f"CC IX{self.number(centre[0] - at[0])} IY{self.number(centre[1] - at[1])}",
+                    f"C {self.at(end)} {turn}",
+                ]
             at = (end[0], end[1]) if angle < math.tau else at
         return [*lines, self.place()]
 
     def polar(self, _: int) -> list[str]:
-        lines = [self.place(), f"CC {self.places('XY', 20)}", f"LP PR{self.number(self.rng.uniform(5, 40))} PA{self.angle()} {self.feed()}"]
+        lines = [
+            self.place(),
+            f"CC {self.places('XY', 20)}",
+            f"LP PR{self.number(self.rng.uniform(5, 40))} PA{self.angle()} {self.feed()}",
+        ]
         for _ in range(self.rng.randint(1, 3)):
-            word = self.rng.choice((f"PA{self.angle()}", f"IPA{self.angle()}", f"PR{self.number(self.rng.uniform(5, 40))}"))
+            word = self.rng.choice(
+                (f"PA{self.angle()}", f"IPA{self.angle()}", f"PR{self.number(self.rng.uniform(5, 40))}")
+            )
             lines.append(f"LP {word}{self.rng.choice(('', f' Z{self.number(self.far())}'))}")
         return [*lines, self.place()]
 
     def helix(self, _: int) -> list[str]:
-        """CP by an angle, with Z or not, of up to two turns."""
+        """CP by an angle, with Z or not; one of more than 300 degrees may end beside its corrected end (docs/flow.md)."""
         at, lines = self.start()
         centre = at[0] + self.far(20), at[1] + self.rng.uniform(5, 20)
-        sense, angle = self.rng.choice("+-"), self.rng.uniform(20, 700)
+        sense, angle = self.rng.choice("+-"), self.rng.uniform(20, self.most_deg)
         rise = self.rng.choice(("", f" IZ{self.number(self.far(9))}", f" Z{self.number(self.far())}"))
         if self.rng.random() < 0.3:
             rise, words = "", f"PA{self.angle()}"
@@ -187,7 +203,10 @@ class Program:
         words += {200: ["Q206=150", f"Q202={5 * scale:.4f}", "Q210=0", "Q211=0"], 201: ["Q206=150", "Q211=0", "Q208=500"],
                   203: ["Q206=150", f"Q202={5 * scale:.4f}", "Q210=0", "Q212=0", "Q213=0", "Q205=0", "Q211=0", "Q208=500", "Q256=0.2"],
                   240: ["Q343=0", "Q344=0", "Q206=150", "Q211=0"]}[number]  # fmt: skip
-        lines = [f"L Z{self.number(70.0)} R0 FMAX", f"CYCL DEF {number} DRILL ~\n" + " ~\n".join(f"  {w} ;A" for w in words)]
+        lines = [
+            f"L Z{self.number(70.0)} R0 FMAX",
+            f"CYCL DEF {number} DRILL ~\n" + " ~\n".join(f"  {w} ;A" for w in words),
+        ]
         for _ in range(self.rng.randint(1, 3)):
             call = self.rng.choice((" M99", "\nCYCL CALL", "\nCYCL CALL M8"))
             lines.append(f"L {self.places(self.some('XY'))} R0 FMAX{call}")
@@ -204,7 +223,11 @@ class Program:
 
     def rotary_moves(self, _: int) -> list[str]:
         lines = [f"L {self.places(self.some('XYZ' + self.rotary))} {self.feed()}" for _ in range(2)]
-        lines += [f"L I{self.rotary[0]}+2.5 IX+1", f"L {self.places('XYZ' + self.rotary)}"] if self.rng.random() < 0.4 else []
+        lines += (
+            [f"L I{self.rotary[0]}+2.5 IX+1", f"L {self.places('XYZ' + self.rotary)}"]
+            if self.rng.random() < 0.4
+            else []
+        )
         return [*lines, self.place()]
 
     def tool_point(self, _: int) -> list[str]:
@@ -219,8 +242,18 @@ class Program:
         one, two, three = (f"{kind}{next(self.parameters)}" for _ in range(3))
         first, second = self.number(self.far(20)), self.number(self.far(20))
         lines = [f"{one} = {first}", f"FN {self.rng.choice('123')}: {two} = {one} * +2".replace("* +2", "* +1.5")]
-        lines[1] = self.rng.choice((f"FN 1: {two} = +{one} + {second}", f"FN 2: {two} = +{one} - {second}", f"FN 3: {two} = +{one} * +0.5"))
-        lines += [self.rng.choice((f"{three} = {one} * 0.5 + ( {two} - 3 ) * COS 30", f"FN 6: {three} = SIN +30", f"FN 8: {three} = +3 LEN +4"))]
+        lines[1] = self.rng.choice(
+            (f"FN 1: {two} = +{one} + {second}", f"FN 2: {two} = +{one} - {second}", f"FN 3: {two} = +{one} * +0.5")
+        )
+        lines += [
+            self.rng.choice(
+                (
+                    f"{three} = {one} * 0.5 + ( {two} - 3 ) * COS 30",
+                    f"FN 6: {three} = SIN +30",
+                    f"FN 8: {three} = +3 LEN +4",
+                )
+            )
+        ]
         return [*lines, f"L X+{one} Y-{two} {self.feed()}", f"L Z+{three}", f"L X-{two} IY+{three}", self.place()]
 
     def machine(self, _: int) -> list[str]:
@@ -239,12 +272,20 @@ class Program:
     def shift(self, level: int) -> list[str]:
         lines = [*self.datum(self.places("XYZ", 20).split()), self.place(), *self.statements(1, level + 1)]
         if self.rng.random() < 0.4:
-            lines += [*self.datum(self.places(self.some(), 5, "I").split()), self.place(), *self.statements(1, level + 1)]
+            lines += [
+                *self.datum(self.places(self.some(), 5, "I").split()),
+                self.place(),
+                *self.statements(1, level + 1),
+            ]
         return [*lines, *self.datum(["X+0", "Y+0", "Z+0"]), self.place()]
 
     def shift_in_a_loop(self, level: int) -> list[str]:
         label = next(self.labels)
-        lines = [f"LBL {label}", *self.datum([f"IX{self.number(self.far(9))}", f"IY{self.number(self.far(9))}"]), self.place()]
+        lines = [
+            f"LBL {label}",
+            *self.datum([f"IX{self.number(self.far(9))}", f"IY{self.number(self.far(9))}"]),
+            self.place(),
+        ]
         lines += [*self.statements(1, level + 1), f"CALL LBL {label} REP {self.rng.randint(1, 2)}"]
         return [*lines, *self.datum(["X+0", "Y+0", "Z+0"]), self.place()]
 
@@ -253,7 +294,12 @@ class Program:
     def repeat(self, level: int) -> list[str]:
         label = next(self.labels)
         inner = self.statements(self.rng.randint(1, 2), level + 1)
-        return [f"LBL {label}", self.place(), *inner, f"CALL LBL {label} REP{self.rng.choice(('', ' '))}{self.rng.randint(1, 2)}"]
+        return [
+            f"LBL {label}",
+            self.place(),
+            *inner,
+            f"CALL LBL {label} REP{self.rng.choice(('', ' '))}{self.rng.randint(1, 2)}",
+        ]
 
     def branch(self, level: int) -> list[str]:
         parameter, label = f"Q{next(self.parameters)}", next(self.labels)
@@ -280,5 +326,8 @@ class Program:
             lines, self.behind = [self.place()], []
         self.behind = behind
         self.files[f"{name.lower()}.h"] = self.text(name, lines)
-        calls = [f"CALL PGM {name.lower()}", *([self.place(), f"CALL PGM {name.lower()}.h"] if self.rng.random() < 0.3 else [])]
+        calls = [
+            f"CALL PGM {name.lower()}",
+            *([self.place(), f"CALL PGM {name.lower()}.h"] if self.rng.random() < 0.3 else []),
+        ]
         return [*calls, self.place()]

@@ -178,9 +178,7 @@ def _rotary_alone(moves: list[Move], i: int) -> bool:
     return move.kind == "line" and move.feed[0] == "minute" and all(move.end[a] == last.end[a] for a in "XYZ")
 
 
-def _off(
-    chain: Any, effects: list[dict[str, Any]], programmed: Move, written: Move, *, flat: bool = False
-) -> float:
+def _off(chain: Any, effects: list[dict[str, Any]], programmed: Move, written: Move, *, flat: bool = False) -> float:
     """Distance, um, of the tool point of the machine with errors from that of the machine without; `flat`: across Z."""
     if programmed.length != written.length or programmed.tip != written.tip:
         return float("nan")
