@@ -17,5 +17,6 @@ EXAMINERS: tuple[str, ...] = (
     "cycles",
     "fanuc",
     "klartext",
+    "siemens",
 )
 """Modules of this package that examine."""

@@ -17,6 +17,8 @@ OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
 CENTRES = {"X": "I", "Y": "J", "Z": "K"}
 REACH = 60.0
 """Largest coordinate, mm."""
+PROGRAMS = 200
+"""Programs of a run of the tests."""
 LEAST_COMPARED = 0.75
 """Share of the programs that are compared: others need --unroll, or make blocks that it cannot write out."""
 
@@ -257,7 +259,7 @@ class Program:
         lines = [f"G52 {self.places('XYZ', 20)}", self.place(), *self.statements(self.rng.randint(1, 2), level + 1)]
         return [*lines, "G52 X0 Y0 Z0", self.place()]
 
-    def preset(self, level: int) -> list[str]:
+    def preset(self, _: int) -> list[str]:
         """G92, and back by the same amount, so that nothing stays."""
         axis, place, by = self.rng.choice("XYZ"), self.far(20), self.rng.uniform(1, 20)
         return [

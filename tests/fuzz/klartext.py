@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from collections.abc import Callable, Mapping
 
 from tests.fuzz import refereed
@@ -15,6 +16,8 @@ from tests.referees.moves import Move
 PRESETS = ("0", "1", "2")
 REACH = 60.0
 """Largest coordinate, mm."""
+PROGRAMS = 200
+"""Programs of a run of the tests."""
 LEAST_COMPARED = 0.75
 """Share of the programs that are compared: others need --unroll, or make blocks that it cannot write out."""
 
@@ -68,7 +71,7 @@ class Program:
             numbers = iter(range(len(lines)))
             lines = [line if line.startswith("  ") else f"{next(numbers)} {line}" for line in lines]
         text = "\n".join([*lines, ""])
-        return text.replace(".", ",") if self.comma and "CYCL" not in text else text
+        return re.sub(r"(?<=\d)\.(?=\d)", ",", text) if self.comma and "CYCL" not in text else text
 
     def statements(self, number: int, level: int) -> list[str]:
         """Some statements; `level` counts those around them."""

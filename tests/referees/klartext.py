@@ -8,6 +8,7 @@ a repeat number that is not whole; signs of powers. RND and CHF are read as the 
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -20,6 +21,8 @@ NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)")
 WORD = re.compile(r"(I?)(PR|PA|ROT|[XYZABC])([-+]?)(QL?\d+|\d+[.,]?\d*|[.,]\d+)")
 TOKEN = re.compile(r"\s*(QL?\d+|\d+[.,]?\d*|[.,]\d+|[A-Z]+|[-+*/()])")
 INCH_MM = 25.4
+ROUNDING_MM = 1e-7
+"""Difference of two positions that is none."""
 DRILLING = {200, 201, 203, 205, 206, 207, 240}
 DATA = {"BEGIN", "BLK", "STOP", "TOOL", "RND", "CHF", "*", "LBL"}
 """First words of blocks that neither move nor change coordinates here; a TOOL CALL is none of them."""
@@ -70,10 +73,8 @@ class Klartext:
 
     def run(self) -> list[Move]:
         """All moves."""
-        try:
+        with contextlib.suppress(EndOfProgram):
             self._from(self.files[self.main], 0, {}, called=False)
-        except EndOfProgram:
-            pass
         return self.moves
 
     # ---- the order of the blocks
@@ -286,7 +287,7 @@ class Klartext:
             centre = centre_of(start, end, radius * self.unit, "XY", left)
         else:
             left, centre = "DR+" in words, self.pole
-        if kind != "CP" and end["Z"] != start["Z"]:
+        if kind != "CP" and abs(end["Z"] - start["Z"]) > ROUNDING_MM:
             raise Unclear(f"{kind} with Z")
         turns = 0
         whole = [abs(value) for name, value, added in said if name == "PA" and added]
