@@ -49,7 +49,7 @@ INTEGRATION_MODULES = {
     "test_iso_coordinates", "test_iterations", "test_jumping_errors", "test_klartext_arcs",
     "test_klartext_generated", "test_klartext_job", "test_klartext_polar", "test_model", "test_mutations",
     "test_never_worse", "test_next_measurement", "test_nothing_shared", "test_on_the_fly", "test_on_the_fly_plan", "test_own_output",
-    "test_optimal", "test_pipeline", "test_plain_lines", "test_public_evaluations", "test_public_functions",
+    "test_optimal", "test_pipeline", "test_referees", "test_plain_lines", "test_public_evaluations", "test_public_functions",
     "test_public_interface", "test_python_mistakes", "test_sessions", "test_reported_corrections", "test_sanity", "test_scenarios",
     "test_siemens_mixed", "test_simulate", "test_six_degrees", "test_splitting", "test_standstill",
     "test_stored_programs", "test_strange_ground", "test_strategies", "test_study", "test_suspects",

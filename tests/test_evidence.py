@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from support.evidence.page import SOURCES, rows_of, stated
+from support.evidence.page import PAGE as FILE
+from support.evidence.page import SOURCES, referees, rows_of, stated
+
+from tests.fuzz.figures import sums
 
 PAGE = stated()
 
@@ -19,3 +22,9 @@ def test_as_many_digits_agree_as_the_page_states(name):
     found = {row.key: row.digits for row in rows_of(name)}
     assert found.keys() == PAGE[name].keys()
     assert {key: value for key, value in found.items() if value < PAGE[name][key]} == {}
+
+
+def test_the_page_has_the_recorded_runs_of_the_referees():
+    """And none of them has left a difference."""
+    assert f"<!-- referees -->\n\n{referees()}\n" in FILE.read_text()
+    assert all(not figures.differences and figures.compared for figures in sums().values())

@@ -1,4 +1,5 @@
-"""Renews the tables of docs/evidence.md: digits in which ncomp agrees with references of others.
+"""Renews the tables of docs/evidence.md: digits in which ncomp agrees with references of others, and the
+recorded runs of the referees (`python -m tests.fuzz EXAMINER --record`).
 
 python docs/make/evidence.py
 """
@@ -6,6 +7,7 @@ python docs/make/evidence.py
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from support.evidence.page import PAGE, renewed
 

@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from tests.fuzz import EXAMINERS
+from tests.fuzz.figures import record
 from tests.fuzz.runner import run
 
 
@@ -16,12 +17,15 @@ def main() -> int:
     parser.add_argument("--programs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--record", action="store_true", help="enter the figures in figures.csv, for the evidence page")
     given = parser.parse_args()
     names = EXAMINERS if given.examiner == "all" else (given.examiner,)
     differences = 0
     for name in names:
         count = run(name, given.programs, given.seed, given.jobs)
         print(f"\r{name}, seed {given.seed}: {count.text()}", flush=True)
+        if given.record:
+            record(name, given.seed, count)
         differences += count.differences.total()
     return int(differences > 0)
 

@@ -1,4 +1,4 @@
-"""The tables of docs/evidence.md: digits in which ncomp agrees with references of others."""
+"""The tables of docs/evidence.md: digits in which ncomp agrees with references of others, and figures of referees."""
 
 from __future__ import annotations
 
@@ -7,11 +7,35 @@ from importlib import import_module
 from pathlib import Path
 
 from support.evidence.digits import Agreement
+from tests.fuzz.figures import sums
 
 PAGE = Path(__file__).parents[3] / "docs" / "evidence.md"
 SOURCES = {"least squares": "strd", "elements": "null_space", "uncertainties": "gum", "worked examples": "worked"}
 """The module of each table, by the name in its mark."""
 TABLE = re.compile(r"<!-- digits: (?P<name>[a-z ]+) -->\n\n(?P<table>(?:\|.*\n)+)")
+REFEREES = {
+    "linuxcnc": ("LinuxCNC 2.9's interpreter", "ISO", "programs of every construct, contours, cycles, offsets"),
+    "play": ("LinuxCNC 2.9's interpreter", "ISO", "machines with backlash: turning points, take-up moves"),
+    "fanuc": ("`tests/referees/fanuc.py`", "FANUC", "macros, files, G93, five axes, G43.4, cycles, G10 in loops"),
+    "klartext": (
+        "`tests/referees/klartext.py`",
+        "Klartext",
+        "labels, files, parameters, five axes, M128, cycles, datums",
+    ),
+    "siemens": ("nc-gcode-interpreter 0.2.8 (CEAD)", "Siemens", "variables, loops, frames, G93, five axes, TRAORI"),
+    "drives": (
+        "`tests/fuzz/drives.py`, `tests/virtual_machine`",
+        "all three",
+        "drives with play that are pushed, five axes",
+    ),
+    "verified": (
+        "`tests/fuzz/reckoner.py`, `tests/virtual_machine`",
+        "all three",
+        "loops, frames, tilted planes, tool point",
+    ),
+}
+"""Who runs a program and its correction, in which dialect, and what is drawn, by the examiner's name."""
+FIGURES = re.compile(r"<!-- referees -->\n\n(?:\|.*\n)+")
 HEAD = "| reference | through | figure | digits |\n|---|---|---|---|\n"
 
 
@@ -31,8 +55,19 @@ def stated() -> dict[str, dict[tuple[str, str, str], int]]:
 
 
 def renewed(page: str) -> str:
-    """The page with tables of what ncomp computes now."""
+    """The page with tables of what ncomp computes now, and of the recorded runs of the referees."""
+    page = FIGURES.sub(f"<!-- referees -->\n\n{referees()}", page)
     return TABLE.sub(lambda each: f"<!-- digits: {each['name']} -->\n\n{_table(rows_of(each['name']))}", page)
+
+
+def referees() -> str:
+    """The table of the referees, from the recorded runs."""
+    found, lines = sums(), ["| referee | dialect | drawn | programs | compared | refused | differences | examiner |"]
+    lines.append("|---|---|---|---|---|---|---|---|")
+    for name, (who, dialect, drawn) in REFEREES.items():
+        if name in found:
+            lines.append(f"| {' | '.join([who, dialect, drawn, *map(str, found[name]), f'`{name}`'])} |")
+    return "\n".join([*lines, ""])
 
 
 def _table(rows: list[Agreement]) -> str:
