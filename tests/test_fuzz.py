@@ -33,6 +33,8 @@ def client(request: pytest.FixtureRequest) -> None:
     names = {Path(value).name for value in values}
     if names & set(NEEDS_LINUXCNC):
         request.getfixturevalue("linuxcnc")
+    if "simulator" in names:
+        request.getfixturevalue("linuxcnc_sim")
     if "siemens" in names and not nc_gcode.available():
         pytest.skip("nc-gcode-interpreter is not here: .ci/run makes .nc_gcode where Python 3.12 or later is")
 

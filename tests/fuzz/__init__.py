@@ -18,5 +18,6 @@ EXAMINERS: tuple[str, ...] = (
     "fanuc",
     "klartext",
     "siemens",
+    "simulator",
 )
 """Modules of this package that examine."""

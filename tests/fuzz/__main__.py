@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from tests.fuzz import EXAMINERS
+from tests.fuzz.case import examiner
 from tests.fuzz.figures import record
 from tests.fuzz.runner import run
 
@@ -22,7 +23,8 @@ def main() -> int:
     names = EXAMINERS if given.examiner == "all" else (given.examiner,)
     differences = 0
     for name in names:
-        count = run(name, given.programs, given.seed, given.jobs)
+        most = getattr(examiner(name), "MOST", given.programs) if given.examiner == "all" else given.programs
+        count = run(name, min(most, given.programs), given.seed, given.jobs)
         print(f"\r{name}, seed {given.seed}: {count.text()}", flush=True)
         if given.record:
             record(name, given.seed, count)

@@ -16,6 +16,7 @@ TABLE = re.compile(r"<!-- digits: (?P<name>[a-z ]+) -->\n\n(?P<table>(?:\|.*\n)+
 REFEREES = {
     "linuxcnc": ("LinuxCNC 2.9's interpreter", "ISO", "programs of every construct, contours, cycles, offsets"),
     "play": ("LinuxCNC 2.9's interpreter", "ISO", "machines with backlash: turning points, take-up moves"),
+    "simulator": ("LinuxCNC 2.9's simulator", "ISO", "its axes beside its interpreter, on which the first two rely"),
     "fanuc": ("`tests/referees/fanuc.py`", "FANUC", "macros, files, G93, five axes, G43.4, cycles, G10 in loops"),
     "klartext": (
         "`tests/referees/klartext.py`",
