@@ -95,6 +95,38 @@ def test_nothing_is_replaced_but_an_earlier_correction(ncomp, tmp_path):
     assert {path: path.read_bytes() for path in before} == before
 
 
+MARK = "(NCOMP 0.1.0 MACHINE GANTRY CALIBRATION 0123456789AB)\n"
+BAD_SETS = {
+    "missing": ("iso/O0001.nc", "iso/O1000.nc", ("M98 P3", "M98 P4"), "in/iso/O1000.nc:5", "write it there, or give its folder"),
+    "calls itself": ("iso/O0001.nc", "iso/O1000.nc", ("M98 P3", "M98 P1000"), "in/iso/O1000.nc:5", "end the recursion"),
+    "twice": ("siemens/MAIN.MPF", "siemens/l100.SPF", None, "in/siemens/MAIN.MPF:6", "delete or rename one of them"),
+    "path of another folder": ("siemens/MAIN.MPF", "siemens/MAIN.MPF", ('"_N_SIDE_SPF"', '"/_N_CUS_DIR/_N_SIDE_SPF"'), "in/siemens/MAIN.MPF:8", 'write CALL "NAME"'),
+    "above the folder": ("klartext/main.h", "klartext/main.h", ("PGM part", "PGM ..\\iso\\part.h"), "in/klartext/main.h:6", "write its name alone"),
+    "absolute path": ("klartext/main.h", "klartext/main.h", ("PGM part", "PGM TNC:\\part.h"), "in/klartext/main.h:6", "write its name alone"),
+    "corrected already": ("iso/O0001.nc", "iso/3", ("O3\n", f"O3\n{MARK}"), "in/iso/3:2", "--force corrects it again"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", ["files", "unroll", "batch"])
+@pytest.mark.parametrize("name", BAD_SETS)
+def test_nothing_of_a_set_that_cannot_be_used_is_written(ncomp, tmp_path, name, way):
+    main, file, change, place, cure = BAD_SETS[name]
+    text = SET[file].replace(*change) if change else "M17\n"
+    assert text != SET.get(file)
+    written(tmp_path / "in", {file: text})
+    (tmp_path / "out").mkdir()
+    run = {
+        "files": (f"in/{main}", *ACCEPTED, "-o", "out/made"),
+        "unroll": (f"in/{main}", *ACCEPTED, "--unroll", "-o", "out/made"),
+        "batch": ("batch", str(Path("in", main).parent), "out", *ACCEPTED, "-j", "1"),
+    }
+    done = ncomp(*run[way])
+    said = " ".join((done.out.decode() + done.err).split())
+    assert (done.status, f"{place}:" in said, cure in said) == (2, True, True), said
+    programs_of_their_own = {"PART.H"} if "write its name alone" in cure else set()
+    assert set(outputs(tmp_path / "out")) <= {Path(NOT_CALLED).name, *programs_of_their_own}
+
+
 def test_a_job_file_takes_the_sets_of_a_pattern(ncomp, tmp_path):
     head = 'machine = "gantry"\ncalibration = "cal.json"\nset_up_zero = true\nsubprograms = ["in/iso"]\n[correction]\n'
     text = 'travel_check = false\naccept = ["outside", "insignificant"]\n[programs]\n"*/*/*.MPF" = "corrected"\n'

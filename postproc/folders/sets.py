@@ -83,9 +83,12 @@ class Sets:
             if path not in self._labels or self._labels[path][0] != state:
                 self._labels[path] = state, self._calls(path, language, setup)
             for label in sorted(self._labels[path][1]):
-                with suppress(NotKnown):
-                    if found := files.find(label):
-                        yield found.path
+                try:
+                    found = files.find(label)
+                except NotKnown:
+                    yield from files.namesakes(label)
+                else:
+                    yield from [found.path] if found else []
 
     @staticmethod
     def _calls(path: Path, dialect: Dialect, setup: Setup) -> set[str]:

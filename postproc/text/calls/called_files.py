@@ -57,6 +57,10 @@ class CalledFiles:
                 return self._inside(path, folder, name)
         return None
 
+    def namesakes(self, name: str) -> list[Path]:
+        """The files of one name, none of which a call reads."""
+        return [path for folder in self._searched(None) for path in self._called(folder).get(name, [])]
+
     def missing(self, caller: Path | None = None) -> str:
         """Where a program was looked for in vain."""
         searched = self._searched(caller)
