@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 import msgspec
 from msgspec.structs import replace
@@ -21,7 +21,7 @@ from postproc.text.notes import Notes
 from postproc.text.plain_style import PlainStyle
 
 
-def as_they_are(blocks: Sequence[Block], _: Callable[[], set[str]], __: bool) -> list[Block]:
+def as_they_are(blocks: Sequence[Block], _: Callable[[], set[str]], __: bool, ___: Path | None) -> list[Block]:
     """The blocks of a dialect in which each block is complete by itself."""
     return list(blocks)
 
@@ -49,9 +49,9 @@ class Dialect(msgspec.Struct, frozen=True):
     """True for blocks that must stay before all others."""
     own: re.Pattern[str] | None = None
     """Variables for corrections; a program that already uses them cannot be corrected."""
-    link: Callable[[Sequence[Block], Callable[[], set[str]], bool], list[Block]] = as_they_are
+    link: Callable[[Sequence[Block], Callable[[], set[str]], bool, Path | None], list[Block]] = as_they_are
     """Completes the blocks of a file of a stored program by the parts that depend on all of them, on the names of the
-    programs in its folders, and on whether it is called."""
+    programs in its folders, on whether it is called, and on its folder."""
     names: Callable[[str], Iterable[str]] = without_names
     """The names by which a program is called, by the name of its file."""
     end: str = ""

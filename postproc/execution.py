@@ -97,7 +97,7 @@ def turns(source: Source, dialect: Dialect, setup: Setup) -> bool:
     for line, text in irregular_lines(source, dialect):
         if dialect.flow.search(text) or (by_name is not None and by_name.search(text)):
             try:
-                (block,) = dialect.link([dialect.read_block(line, text)], files.names, False)
+                (block,) = dialect.link([dialect.read_block(line, text)], files.names, False, source.folder)
             except Refusal:
                 continue
             if block.code is not None and block.code.turns:
@@ -147,7 +147,7 @@ class StreamedProgram:
         if block.kind != CALL:
             return False
         files = called_files(self.source, self.dialect, self.interpreter.control_state.setup)
-        (linked,) = self.dialect.link([block], files.names, False)
+        (linked,) = self.dialect.link([block], files.names, False, self.source.folder)
         return linked.code is not None and linked.code.turns
 
     def _decided(self, items: Iterable[Block | PlainRun]) -> Iterator[Block | PlainRun]:

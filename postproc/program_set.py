@@ -30,6 +30,8 @@ PROBING_MACRO = re.compile(r"O9[78]\d\d")
 """Names of the macros for probes of a machine (Renishaw, Blum)."""
 
 
+HEAD_LINES = 10
+"""Lines in which the head of a program is looked for."""
 SET_UP = ".toml"
 """Suffix behind the name of a program, of the file with its set-up."""
 
@@ -152,7 +154,8 @@ class ProgramSet:
 
     def _link(self, blocks: Iterable[Block], folder: Path | None) -> int:
         """Add the blocks of a file, which is called if it has a folder; returns how many they are."""
-        linked = self.dialect.link(list(blocks), lambda: self._names(folder), folder is not None)
+        own = self.source.folder if folder is None else folder
+        linked = self.dialect.link(list(blocks), lambda: self._names(folder), folder is not None, own)
         self.blocks += linked
         return len(linked)
 
@@ -205,6 +208,7 @@ def calls_in(source: Source, dialect: Dialect, setup: Setup, scope: Scope) -> It
     """The names of programs that a program calls, whether or not the call runs; without those that it calculates."""
     files = called_files(source, dialect, setup)
     names = {shown_name(name) for name in files.names()} if dialect.calls_by_name else set()
+    head = _head(source, dialect)
     for piece in source.pieces():
         data = piece.upper()
         patterns = (dialect.calls, _words(name for name in names if name.encode(ENCODING) in data))
@@ -212,10 +216,19 @@ def calls_in(source: Source, dialect: Dialect, setup: Setup, scope: Scope) -> It
         lines = {_line(text, match.start()) for pattern in patterns if pattern for match in pattern.finditer(text)}
         for line in lines:
             try:
-                blocks = dialect.link([dialect.read_block(1, line)], files.names, False)
+                blocks = dialect.link([*head, dialect.read_block(1, line)], files.names, False, source.folder)
             except Refusal:
                 continue
             yield from _called(blocks, scope)
+
+
+def _head(source: Source, dialect: Dialect) -> list[Block]:
+    """The blocks that must stay before all others, which may give the folder of the program on the control."""
+    found = []
+    for line in source.text_head.splitlines(keepends=True)[:HEAD_LINES]:
+        with suppress(Refusal):
+            found.append(dialect.read_block(1, line))
+    return [block for block in found if dialect.is_head(block)]
 
 
 def _line(text: str, at: int) -> str:

@@ -52,6 +52,17 @@ def test_a_folder_is_corrected_set_by_set(ncomp, tmp_path):
     assert again.status == 0, again.stderr
 
 
+@pytest.mark.parametrize("head", ["", ";$PATH=/_N_WKS_DIR/_N_PART_WPD\n"])
+def test_a_program_that_is_called_by_its_path_is_no_program_of_its_own(ncomp, tmp_path, head):
+    main = f'{head}G71 G90 G54 G17\nG0 X100 Y100 Z50\nCALL "/_N_WKS_DIR/_N_PART_WPD/_N_L100_SPF"\nM30\n'
+    files = {"MAIN.MPF": main, "L100.SPF": "G1 X300 Y200 Z0 F500\nM17\n"}
+    folder = written(tmp_path / ("in/part" if head else "in/PART.WPD"), files)
+    done = ncomp("batch", str(folder), "out", *ACCEPTED, "--json", "all.json", "-j", "1")
+    assert done.status == 0, done.err
+    assert [each["name"] for each in json.loads((tmp_path / "all.json").read_text())["programs"]] == ["MAIN.MPF"]
+    assert outputs(tmp_path / "out") == ["L100.SPF", "MAIN.MPF"]
+
+
 def test_a_program_that_two_others_call_is_written_out_in_both_where_it_is_corrected(ncomp, tmp_path):
     written(tmp_path / "in/iso", {"O0002.nc": OTHER})
     done = ncomp("batch", "in/iso", "out", *ACCEPTED, "--json", "all.json", "-j", "1")

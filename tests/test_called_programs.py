@@ -337,9 +337,9 @@ def test_a_move_that_is_no_path_is_refused_while_mcall_of_a_subprogram_is_active
 
 SIEMENS_REFUSED = {
     "missing": ("L100 P2", "L200", r"MAIN\.MPF:6: 'L200': .*no subprogram L200, and no file of it is in \S*/in"),
-    "absolute": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/_N_SIDE_SPF"', r"MAIN\.MPF:8: .*in the folder that ;\$PATH= gives"),
-    "above": ('"_N_SIDE_SPF"', '"../SIDE"', r"MAIN\.MPF:8: .*in the folder that ;\$PATH= gives"),
-    "absolute by a formula": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/" << "SIDE"', r"MAIN\.MPF:8: .*in the folder that"),
+    "absolute": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/_N_SIDE_SPF"', r"MAIN\.MPF:8: .*in its own folder"),
+    "above": ('"_N_SIDE_SPF"', '"../SIDE"', r"MAIN\.MPF:8: .*in its own folder"),
+    "absolute by a formula": ('"_N_SIDE_SPF"', '"/_N_SPF_DIR/" << "SIDE"', r"MAIN\.MPF:8: .*in its own folder"),
     "unknown": ('CALL "_N_SIDE_SPF"', "CALL WHICH", r"MAIN\.MPF:8: .*WHICH is not set by the program"),
     "blocks": ('CALL "_N_SIDE_SPF"', "CALL BLOCK N1 TO N2", r"MAIN\.MPF:8: .*CALL"),
     "with other words": ("L100 P2", "G1 X5 L100", r"MAIN\.MPF:6: .*must be alone"),
@@ -374,6 +374,17 @@ def test_a_siemens_program_called_by_a_formula_or_by_the_path_of_its_folder(tmp_
     assert np.abs(tool_points([list(map(float, words))]) - (300, 200, 0)).max() < 0.0003
     nominal = ncomp.correct(folder / "MAIN.MPF", GANTRY, "none", setup=SETUP, travel_check=False).moves
     assert nominal.machine_target[-1].tolist() == [300, 200, 0]
+
+
+def test_the_folder_of_a_workpiece_gives_the_path_of_its_programs(tmp_path):
+    line = 'CALL "/_N_WKS_DIR/_N_PART_WPD/_N_L100_SPF"'
+    files = {"MAIN.MPF": f"G71 G90 G54 G17\nG0 X100 Y100 Z50\n{line}\nM30\n", "L100.SPF": "G1 X300 Y200 Z0 F500\nM17\n"}
+    folder = written(tmp_path / "Part.WPD", files)
+    nominal = ncomp.correct(folder / "MAIN.MPF", GANTRY, "none", setup=SETUP, travel_check=False).moves
+    assert nominal.machine_target[-1].tolist() == [300, 200, 0]
+    assert [each.name for each in corrected(folder / "MAIN.MPF", tmp_path / "out").called] == ["L100.SPF"]
+    with pytest.raises(UserError, match=r"MAIN\.MPF:3: .*by its name, or by a path in its own folder"):
+        corrected(written(tmp_path / "OTHER.WPD", files) / "MAIN.MPF", tmp_path / "out")
 
 
 KLARTEXT_PATH = [

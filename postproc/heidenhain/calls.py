@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from postproc.heidenhain.codes import CALL_M, DATA_CYCLES, FRAME_CYCLES, PROGRAM_CALL_CYCLE, PROGRAM_END_M
@@ -67,7 +68,7 @@ def program(text: str) -> str:
     return "/".join((*(each for each in folders if each != "."), f"PGM {name if '.' in name else f'{name}.H'}"))
 
 
-def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bool) -> list[Block]:
+def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bool, _: Path | None) -> list[Block]:
     """The blocks with statements for the calls of programs in other files, and for both ends of a called program."""
     linked = list(_with_cycles([_with_call(block, in_folders) for block in blocks]))
     return [_in_called(block) for block in linked] if called else linked

@@ -97,8 +97,8 @@ def label(name: Value, home: Value) -> str:
     folder, _, last = str(name).upper().strip().rpartition("/")
     if (folder and folder != home) or not (match := NAME.fullmatch(last)):
         raise NotKnown(
-            "a program is called by its name, or by a path in the folder that ;$PATH= gives, and looked for in the "
-            'folders of the programs: write CALL "NAME"'
+            "a program is called by its name, or by a path in its own folder (;$PATH=, or NAME.WPD), and looked for "
+            'in the folders of the programs: write CALL "NAME"'
         )
     return f"%{match[1]}"
 

@@ -73,11 +73,11 @@ def _with_subprogram(block: Block, word: Word, others: tuple[Word, ...]) -> Bloc
     if any(other.address in "HQ" for other in kept):
         raise block.refuse(f"{code} with the block number H or Q is not corrected: write the program number P only")
     if (word.address, word.value) == NUMBERED:
-        name = Operation("numbered block", (_program(block, code, taken),))
-        return _with_step(block, kept, Call(name, None, times, at_label=True))
+        numbered = Operation("numbered block", (_program(block, code, taken),))
+        return _with_step(block, kept, Call(numbered, None, times, at_label=True))
     if "O" in taken:
         return _with_step(block, kept, Call(_named(block, code, taken), None, times))
-    name = _program(block, code, taken)
+    name: Expression = _program(block, code, taken)
     if times is None:
         name, times = Operation("repeated program", (name,)), Operation("repetitions", (name,))
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from postproc.control.codes import PROGRAM_ENDS
 from postproc.siemens.codes import CALLS, END_OF_SUBPROGRAM, REFUSED_NAMES
@@ -19,6 +20,9 @@ from postproc.text.statements import Call, Code, EndModal, Modal, Return
 _HOME = re.compile(r"[ \t]*;\$PATH=[ \t]*(\S+)", re.IGNORECASE)
 
 
+_WORKPIECE = re.compile(r"(?:_N_)?(\w+?)[._]WPD", re.IGNORECASE)
+
+
 def names(file: str) -> list[str]:
     """The names by which the program in a file is called: %L100 for `L100.SPF` and for `_N_L100_SPF`."""
     stem, point, _ = file.upper().rpartition(".")
@@ -26,13 +30,14 @@ def names(file: str) -> list[str]:
     return [f"%{match[1]}"] if match and (point or file.upper().startswith("_N_")) else []
 
 
-def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bool) -> list[Block]:
+def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bool, folder: Path | None) -> list[Block]:
     """The blocks with statements for the calls of programs, and for the ends of all but a main program.
 
-    in_folders: the names of programs in files of their own; called: another program has called this file.
+    in_folders: the names of programs in files of their own; called: another program has called this file; folder: that
+    of the file.
     """
     here = {program_name(block) for block in blocks if block.kind == "header"} - {""}
-    home = next((match[1].upper() for block in blocks if (match := _HOME.match(block.text))), "")
+    home = next((match[1].upper() for block in blocks if (match := _HOME.match(block.text))), _home_of(folder))
     programs = here | {name.removeprefix("%") for name in in_folders()} - REFUSED_NAMES.keys()
     first = next((i for i, block in enumerate(blocks) if block.kind == "header" and block.code), len(blocks))
     first = 0 if called else first
@@ -40,6 +45,12 @@ def link(blocks: Sequence[Block], in_folders: Callable[[], set[str]], called: bo
     if any(block.code and any(isinstance(step, Modal) for step in block.code.after) for block in linked):
         linked = [_with_end_of_modal_call(block) for block in linked]
     return linked[:first] + [_with_return(block) for block in linked[first:]]
+
+
+def _home_of(folder: Path | None) -> str:
+    """The folder on the control of the programs of a workpiece, PART.WPD; empty for another folder."""
+    match = _WORKPIECE.fullmatch(folder.resolve().name) if folder is not None else None
+    return f"/_N_WKS_DIR/_N_{match[1].upper()}_WPD" if match else ""
 
 
 def saves_modes(block: Block) -> bool:
