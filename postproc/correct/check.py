@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from kinematics.machine import Machine
+from kinematics.user_error import UserError
 from postproc.control.block_skip import decide
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
@@ -20,7 +22,7 @@ from postproc.control.without_effect import Unused, unused_set_up
 from postproc.correct.feed_moves import FeedNotes
 from postproc.correct.travel import note_outside, refusals_outside
 from postproc.dialects import Dialect
-from postproc.execution import turns
+from postproc.execution import StreamedProgram, Turns, turns
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 from postproc.program_set import ProgramSet
@@ -136,15 +138,14 @@ class Findings(Shown):
 
     def take(self, motions: Motions) -> None:
         """Add the lines of the moves of a chunk, each to the list of its treatment."""
-        evaluated, before = motions.evaluated.tolist(), -1
-        for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
-            if kind == Kind.PRESET or (kind == Kind.MACHINE and index == before):
-                continue  # the second is the end of a cycle after the move of its block
-            before = index
-            line = motions.blocks[index].line
-            (
-                self.machine if kind == Kind.MACHINE else self.corrected if evaluated[row] else self.not_programmed
-            ).append(line)
+        rows = np.flatnonzero(motions.kind != Kind.PRESET)
+        block, machine = motions.block[rows], motions.kind[rows] == Kind.MACHINE
+        # a second row of the same block is the end of a cycle
+        first = ~(machine & np.append(False, block[1:] == block[:-1])[: len(rows)])
+        corrected, lines = motions.evaluated[rows] & ~machine, motions.line[rows]
+        self.machine += lines[first & machine].tolist()
+        self.corrected += lines[first & corrected].tolist()
+        self.not_programmed += lines[first & ~machine & ~corrected].tolist()
 
     def take_travel(self, refusals: Iterable[Refusal]) -> None:
         """Note moves outside the travel: each line once for each axis, however often it runs."""
@@ -161,7 +162,26 @@ class Findings(Shown):
 
 
 def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, travel_check: bool = True) -> Findings:
-    """Check a program, and its travel, as its correction would read it."""
+    """Check a program, and its travel, as its correction would read it.
+
+    A program without jumps is read as for its correction, in bulk, up to the first refusal. Where there is one, it is
+    read again block by block, so that the blocks behind it are checked too.
+    """
+    runs = turns(source, dialect, setup)
+    with suppress(UserError, Turns):
+        if not runs:
+            return _checked(source, dialect, machine, setup, _in_bulk, travel_check=travel_check)
+    return _checked(source, dialect, machine, setup, _run if runs else _singly, travel_check=travel_check)
+
+
+Reader = Callable[[Source, Dialect, Interpreter, "Findings", Callable[[Motions], None]], None]
+"""Reads a program. Findings and moves go to the last arguments."""
+
+
+def _checked(
+    source: Source, dialect: Dialect, machine: Machine, setup: Setup, read: Reader, *, travel_check: bool
+) -> Findings:
+    """The findings by one reader."""
     notes = Notes()
     interpreter, findings = dialect.interpreter(machine, setup, notes), Findings(dialect.name, dialect.evidence)
     state, feed_notes = interpreter.control_state, FeedNotes(notes)
@@ -179,17 +199,30 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
         else:
             note_outside(motions, motions.machine_target, notes)
 
-    if turns(source, dialect, setup):
-        _run(source, dialect, interpreter, findings, take)
-    else:
-        for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
-            findings.blocks += len(lines)
-            _read(_blocks(lines, dialect, interpreter, findings), interpreter, findings, take)
+    read(source, dialect, interpreter, findings, take)
     if not findings.refused:
         findings.unused = unused_set_up(state)
     findings.notes = notes.texts() + state.left_out() + state.short_tools()
     findings.assumed, findings.assumption = list(state.assumed), state.assumption()
     return findings
+
+
+def _in_bulk(
+    source: Source, dialect: Dialect, interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]
+) -> None:
+    """Read a program without jumps; UserError if a block is refused."""
+    for part in StreamedProgram(source, dialect, interpreter).parts():
+        findings.blocks += len(part.motions.blocks)
+        take(part.motions)
+
+
+def _singly(
+    source: Source, dialect: Dialect, interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]
+) -> None:
+    """Read a program without jumps, block by block."""
+    for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
+        findings.blocks += len(lines)
+        _read(_blocks(lines, dialect, interpreter, findings), interpreter, findings, take)
 
 
 def _place(line: int) -> dict[str, Any]:

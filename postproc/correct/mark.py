@@ -108,10 +108,19 @@ def mark_in_program(source: Source) -> Mark | None:
 
 
 def _lines_with_name(source: Source) -> Iterator[tuple[int, str]]:
-    """Numbered lines of a program in which the name of ncomp may stand; none where it stands nowhere."""
-    if source.has_line_feeds and not any(b"NCOMP" in piece for piece in source.pieces()):
+    """Numbered lines of a program with the name of ncomp: marks, and tags of added blocks."""
+    if not source.has_line_feeds:
+        yield from ((number, text) for number, text in source.lines() if "NCOMP" in text)
         return
-    yield from ((number, text) for number, text in source.lines() if "NCOMP" in text)
+    before = source.before + 1
+    for piece in source.pieces():
+        counted, at = 0, piece.find(b"NCOMP")
+        while at >= 0:
+            start, end = piece.rfind(b"\n", 0, at) + 1, piece.find(b"\n", at) + 1 or len(piece)
+            before += piece.count(b"\n", counted, start)
+            yield before, piece[start:end].decode(ENCODING)
+            counted, at = start, piece.find(b"NCOMP", end)
+        before += piece.count(b"\n", counted)
 
 
 class Statement(NamedTuple):
