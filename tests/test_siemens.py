@@ -342,6 +342,7 @@ REFUSED = {
     "G2 X5 Y1 I2 TURN=1.5": "TURN=1.5 is no number of turns",
     "G2 AR=400 I5": "AR=400 is no angle of an arc",
     "G2 AR=90": "the arc has no centre and no radius",
+    "G1 X50 ANG=30": "ANG gives the end of a line by its angle, which is not followed",
     "G1 AP=30": "the polar coordinates are not complete",
     "G1 AP=30 RP=20 X5": "Cartesian and polar coordinates are mixed in the working plane",
     "G111 Z5": "Z is no coordinate of a pole",

@@ -141,6 +141,8 @@ def _bits(a: float) -> int:
     return int(a)
 
 
+CONTOUR_ANGLES = frozenset(("ANG", "ANG1", "ANG2"))
+"""Addresses of angles of straight lines (contour definition programming)."""
 MEASURED = frozenset(("$AA_IW", "$AA_IM", "$AA_IB", "$AA_IEN", "$AA_IBN"))
 """Actual positions of an axis, in the coordinates of the workpiece, the machine and between them."""
 
@@ -237,6 +239,8 @@ class SiemensVariables:
                 f"{name} belongs to the control, and its effect is not known to ncomp: remove the assignment"
             )
         here = self._of(name)
+        if name in CONTOUR_ANGLES and name not in here.kinds:
+            raise NotKnown(f"{name} gives the end of a line by its angle, which is not followed: write its coordinates")
         if name != "R" and name not in here.kinds:
             raise NotKnown(
                 f"{name} is neither a declared variable nor an axis: write DEF, or passive_axes in the machine file; "

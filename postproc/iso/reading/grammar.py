@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from lark import Token, Tree
@@ -85,6 +86,15 @@ def _program(token: Token) -> Word:
     return Word("O", number, at, at + 1, at + len(token))
 
 
+CORNERS = {
+    "C": "breaks the corner by a chamfer",
+    "R": "rounds the corner",
+    "A": "gives the end of the line by its angle",
+}
+"""Addresses behind a comma (FANUC, HAAS)."""
+_CORNER = re.compile(r",[ \t]*([CRA])[ \t]*[+-]?[\d.#\[][^ \t]*", re.IGNORECASE)
+
+
 def _explain(text: str, fault: UnexpectedInput) -> str:
     column = fault.column if fault.column > 0 else len(text.rstrip())
     rest = text[column - 1 :].strip() if column else text
@@ -93,4 +103,6 @@ def _explain(text: str, fault: UnexpectedInput) -> str:
             f"column {column}: controls differ in parentheses that do not match or that are nested: write the comment "
             "in one pair"
         )
+    if corner := _CORNER.match(rest):
+        return f"{corner[0].strip()} {CORNERS[corner[1].upper()]}, which is not corrected: write its moves"
     return f"column {column}: {not_understood(text, max(column - 1, 0))}"
