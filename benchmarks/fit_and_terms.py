@@ -1,4 +1,5 @@
-"""Calibrations by `ncomp fit` and by the sum of Gaussian terms (`calibration/gaussian_terms`), on the same files.
+"""Calibrations by `ncomp fit`, by the sum of Gaussian terms (`calibration/gaussian_terms`), and by a mixture of bases
+(`benchmarks/log_sizes`), on the same files.
 
     python benchmarks/fit_and_terms.py --seeds 3 --first 700    # each design of the third exam with each machine
     python benchmarks/fit_and_terms.py --seeds 1 --effects none,backlash
@@ -26,6 +27,7 @@ from short_measurements.case import KINDS, UM, Case
 from short_measurements.designs import DESIGNS
 
 import ncomp
+from benchmarks.log_sizes import mixture
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.calibrated import calibrated
 from calibration.gaussian_terms.observations import Observations
@@ -46,7 +48,7 @@ def by_terms(measurement: Measurement) -> ErrorModel:
     return calibrated(Structure.first(Data.of(Observations.of(measurement))).fitted())
 
 
-METHODS: dict[str, Callable[[Measurement], ErrorModel]] = {"fit": by_fit, "terms": by_terms}
+METHODS: dict[str, Callable[[Measurement], ErrorModel]] = {"fit": by_fit, "terms": by_terms, "mixture": mixture}
 
 
 def answered(case: Case) -> dict[str, tuple[float, float, float]]:
@@ -73,7 +75,7 @@ def answered(case: Case) -> dict[str, tuple[float, float, float]]:
 
 
 def main() -> None:
-    """Ask both methods and print the table."""
+    """Ask all methods and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=1, help="draws of each design and machine")
     parser.add_argument("--first", type=int, default=1, help="first seed")

@@ -213,7 +213,7 @@ def _parts(observations: Observations) -> Iterator[_Part]:
 
 def keys_of(effect: ErrorMotion, degrees: np.ndarray) -> list[Key]:
     """The band of each coefficient of an error motion, by their degrees."""
-    return [(effect.axis, _kind(effect), _band(degree)) for degree in degrees.tolist()]
+    return [(effect.axis, kind_of(effect), _band(degree)) for degree in degrees.tolist()]
 
 
 def prior_sizes(degrees: np.ndarray, priors: Priors) -> Array:
@@ -221,7 +221,7 @@ def prior_sizes(degrees: np.ndarray, priors: Priors) -> Array:
     return np.asarray(priors.error_motion_um / np.maximum(degrees, 1) ** priors.smoothness)
 
 
-def _kind(effect: ErrorMotion) -> str:
+def kind_of(effect: ErrorMotion) -> str:
     """The kind of an error motion: a scale or a screw positions the axis, guides and bearings keep it straight."""
     if effect.component == own_component(effect.axis):
         return "positioning"

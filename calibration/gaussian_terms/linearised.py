@@ -24,7 +24,7 @@ def linearised(structure: Structure) -> Structure:
     """The structure of the geometry alone, fitted to observations that are linearised about its own errors."""
     for _ in range(PASSES):
         observations = structure.data.observations.about(mean_errors(structure))
-        if _change(structure, observations) < SETTLED:
+        if change_of(structure, observations) < SETTLED:
             break
         structure = replace(structure, data=Data.of(observations)).fitted()
     return structure
@@ -43,7 +43,7 @@ def mean_errors(structure: Structure) -> ErrorModel:
     return msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
 
 
-def _change(structure: Structure, observations: Observations) -> float:
+def change_of(structure: Structure, observations: Observations) -> float:
     """RMS difference of other observations, in standard deviations of the noise, whatever the registration."""
     white = structure.whitener
     change = replace(white, observations=observations).residual - white.residual
