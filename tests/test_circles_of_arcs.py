@@ -2,9 +2,12 @@
 
 import math
 
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from postproc.motion.circle_columns import moved_centres
 from postproc.motion.circles import CLOSE, OUT_OF_ROUND, SHORT_ARC, moved_centre, point_at
 from postproc.motion.moves import Arc
 from postproc.write.arcs import NominalArc
@@ -62,3 +65,19 @@ def test_a_nearly_full_circle_is_rounded_off_about_the_centre_that_is_written(ar
     if moved is not None:
         end = (end[0] + moved[0], end[1] + moved[1])
     assert difference(circle, start, end) < 0.6 * OUT_OF_ROUND
+
+
+@given(st.lists(shifted_arcs((0.001, 6.28), 0.03, 1.0), min_size=1, max_size=5))
+def test_centres_in_columns_are_those_of_single_arcs(arcs):
+    circles, starts, ends = zip(*arcs, strict=True)
+    shifts = [
+        [complex(new[0] - at[0], new[1] - at[1]) for new, at in zip(of, nominal, strict=True)]
+        for of, nominal in ((starts, [c.ends[0] for c in circles]), (ends, [c.ends[1] for c in circles]))
+    ]
+    nominal = [np.array([complex(*c.ends[i]) for c in circles]) for i in (0, 1)]
+    middles = np.array([complex(*c.middle_shift) for c in circles])
+    moved = (np.array(shifts[0]), middles, np.array(shifts[1]))
+    turned = np.array([c.turned for c in circles])
+    found = moved_centres((nominal[0], nominal[1]), np.zeros(len(circles), complex), turned, moved)
+    expected = [complex(*c.centre(start, end)) for c, start, end in arcs]
+    assert found == pytest.approx(expected, abs=1e-9)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.machine import NDArrayBool
-from postproc.motion.arcs import CENTRES, Ends, centre_letters, circle_by_centre, circle_by_radius
-from postproc.motion.circles import radius_fault
+from kinematics.transforms import Array
+from postproc.motion.arcs import CENTRES, centre_letters
+from postproc.motion.circle_columns import centres_by_radius
+from postproc.motion.circles import RADIUS_TOLERANCE_MM, RADIUS_TOLERANCE_RATIO, SAME
 from postproc.motion.moves import Arc, Known
 from postproc.motion.plain_moves import PlainMoves
 from postproc.text.blocks import PlainRun
@@ -47,66 +47,75 @@ def plain_arcs(
 
     motion `(lines,)`: motion in force.
     """
-    arcs: dict[int, Arc] = {}
     rows = np.flatnonzero(curved)
     first, second, normal = (run.lines.axes.index(letter) for letter in modes.plane)
     in_plane = np.array([first, second])
-    starts, ends = (at[rows[:, None], in_plane].tolist() for at in (moves.start, moves.target))
+    start, end = (_points(of[rows[:, None], in_plane]) for of in (moves.start, moves.target))
     known = np.all(moves.known_start[rows[:, None], in_plane] != Known.ASSUMED, axis=1)
     senses = np.where(motion[rows] == 3, 1, -1)
-    columns = rows.tolist(), senses.tolist(), starts, ends, known.tolist(), _words(run, rows, modes)
-    for row, sense, start, end, is_known, words in zip(*columns, strict=True):
-        circle = Ends((first, second, normal), sense, (start[0], start[1]), (end[0], end[1]))
-        arc = _circle(circle, words, absolute=modes.absolute) if is_known else None
-        if arc is None:
-            return arcs, row
-        arcs[row] = arc
-    return arcs, len(run)
+    words = _ArcWords.of(run, rows, modes)
+    around = (0.0 if modes.absolute else start) + words.centre
+    by_radius = words.radius_at >= 0
+    centre = np.where(by_radius, centres_by_radius(start, end, words.radius, senses), around)
+    short = np.abs(end - start) / 2 - np.abs(words.radius) > SAME
+    begun, ended = np.abs(start - around), np.abs(end - around)
+    missing = (words.at < 0).any(axis=1) if modes.absolute else (words.at < 0).all(axis=1)
+    out_of_round = np.abs(begun - ended) > np.maximum(RADIUS_TOLERANCE_MM, RADIUS_TOLERANCE_RATIO * begun)
+    strange = np.where(
+        by_radius,
+        np.isnan(centre) | short | (words.at >= 0).any(axis=1),
+        missing | out_of_round | (np.maximum(begun, ended) == 0.0),
+    )
+    strange |= words.outside | ~known
+    number = int(strange.argmax()) if strange.any() else len(rows)
+    full = (np.abs(end - start) < SAME) & ~by_radius
+    forms = ("radius-absolute" if modes.absolute else "radius", "absolute" if modes.absolute else "incremental")
+    columns = (rows, senses, centre, full, by_radius, words.at, words.radius_at)
+    arcs: dict[int, Arc] = {}
+    for row, sense, at, is_full, has_radius, (i, j), r in zip(*(c[:number].tolist() for c in columns), strict=True):
+        form, indices = (forms[0], (r, None)) if has_radius else (forms[1], (_index(i), _index(j)))
+        arcs[row] = Arc((first, second, normal), sense, (at.real, at.imag), is_full, form, indices)
+    return arcs, int(rows[number]) if number < len(rows) else len(run)
+
+
+def _points(columns: np.ndarray) -> np.ndarray:
+    """Points of two columns `(k, 2)` as complex numbers `(k,)`."""
+    return np.asarray(columns[:, 0] + 1j * columns[:, 1])
+
+
+def _index(at: int) -> int | None:
+    return None if at < 0 else at
 
 
 class _ArcWords(NamedTuple):
-    """The words of one arc; indices are those of the words of its block, None where it has no such word."""
+    """The words of arcs `(k,)`; indices are those of the words of their blocks, -1 where they have no such word."""
 
-    centre: tuple[float, float]
-    """mm; 0 where a word is missing."""
-    indices: tuple[int | None, int | None]
-    radius: float
+    centre: np.ndarray
+    """Complex numbers, mm; 0 where a word is missing."""
+    at: np.ndarray
+    """Indices `(k, 2)` of the words of the centres."""
+    radius: Array
     """mm."""
-    radius_index: int | None
-    outside: bool
-    """True if a word other than 0 gives the centre along the normal of the plane."""
+    radius_at: np.ndarray
+    outside: NDArrayBool
+    """True where a word other than 0 gives the centre along the normal of the plane."""
+
+    @staticmethod
+    def of(run: PlainRun, rows: np.ndarray, modes: ArcModes) -> _ArcWords:
+        """The words of the arcs in lines `rows` `(k,)` of a run."""
+        letters = centre_letters(modes.plane)
+        (across,) = set(CENTRES) - set(letters)
+        (a, i), (b, j), (radius, r) = (_column(run, letter, rows, modes.unit) for letter in (*letters, RADIUS))
+        outside = _column(run, across, rows, 1.0)[0] != 0.0
+        return _ArcWords(a + 1j * b, np.stack([i, j], axis=1), radius, r, np.asarray(outside))
 
 
-def _words(run: PlainRun, rows: np.ndarray, modes: ArcModes) -> Iterator[_ArcWords]:
-    """The words of the arcs in lines `rows` `(k,)` of a run."""
-    letters = centre_letters(modes.plane)
-    (across,) = set(CENTRES) - set(letters)
-    (a, i), (b, j), (r, radius) = (_column(run, letter, rows, modes.unit) for letter in (*letters, RADIUS))
-    outside = [value != 0.0 for value in _column(run, across, rows, 1.0)[0]]
-    for x, y, first, second, size, index, strange in zip(a, b, i, j, r, radius, outside, strict=True):
-        yield _ArcWords((x, y), (first, second), size, index, strange)
-
-
-def _column(run: PlainRun, letter: str, rows: np.ndarray, unit: float) -> tuple[list[float], list[int | None]]:
+def _column(run: PlainRun, letter: str, rows: np.ndarray, unit: float) -> tuple[Array, np.ndarray]:
     """Values, mm, of the words with an address in lines `rows` `(k,)`, 0 where there are none, and their indices."""
+    values, indices = np.zeros(len(rows)), np.full(len(rows), -1)
     column = run.lines.addresses.find(letter)
-    if column < 0:
-        return list(itertools.repeat(0.0, len(rows))), list(itertools.repeat(None, len(rows)))
-    named = run.columns.end[column, rows] > 0
-    values = np.where(named, run.columns.value[column, rows] * unit, 0.0)
-    indices = np.full(len(rows), None)
-    indices[named] = run.lines.order_of(column, run.first + rows[named])
-    return values.tolist(), indices.tolist()
-
-
-def _circle(ends: Ends, words: _ArcWords, *, absolute: bool) -> Arc | None:
-    """The arc with these ends; None if the words give none."""
-    if words.radius_index is not None:
-        if words.indices != (None, None) or words.outside:
-            return None
-        form = "radius-absolute" if absolute else "radius"
-        return circle_by_radius(ends, words.radius, words.radius_index, form)
-    if words.outside or words.indices == (None, None) or (absolute and None in words.indices):
-        return None
-    arc = circle_by_centre(ends, words.centre, words.indices, absolute=absolute)
-    return arc if radius_fault(ends.start, ends.end, arc.centre) is None else None
+    if column >= 0:
+        named = run.columns.end[column, rows] > 0
+        values[named] = run.columns.value[column, rows[named]] * unit
+        indices[named] = run.lines.order_of(column, run.first + rows[named])
+    return values, indices

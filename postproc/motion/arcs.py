@@ -110,14 +110,6 @@ def arc_by_radius(
     return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
 
 
-def circle_by_radius(ends: Ends, radius: float, word: int, form: str) -> Arc | None:
-    """The arc with this radius, mm, as `arc_by_radius`; None if there is none, or the radius is too short."""
-    centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
-    if centre is None or short_by(ends.start, ends.end, radius) > SAME:
-        return None
-    return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
-
-
 def arc_by_centre(
     block: Block,
     ends: Ends,
@@ -132,17 +124,11 @@ def arc_by_centre(
     hint: text added to the message where the centre would fit as a position. Refusal if the ends do not lie on a circle
     around the centre.
     """
-    arc = circle_by_centre(ends, programmed, words, absolute=absolute)
-    fault = radius_fault(ends.start, ends.end, arc.centre)
+    x, y = (0.0, 0.0) if absolute else ends.start
+    centre = (x + programmed[0], y + programmed[1])
+    fault = radius_fault(ends.start, ends.end, centre)
     if fault is not None:
         fits = not absolute and radius_fault(ends.start, ends.end, programmed) is None
         raise block.refuse(fault + (hint if fits else ""))
-    return arc
-
-
-def circle_by_centre(ends: Ends, programmed: Point, words: tuple[int | None, int | None], *, absolute: bool) -> Arc:
-    """The arc around the programmed centre, mm, as `arc_by_centre`; its ends may not lie on the circle."""
-    x, y = (0.0, 0.0) if absolute else ends.start
     form = "absolute" if absolute else "incremental"
-    centre = (x + programmed[0], y + programmed[1])
     return Arc(ends.plane, ends.sense, centre, same(ends.start, ends.end), form, words)

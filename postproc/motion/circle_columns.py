@@ -1,4 +1,4 @@
-"""The circles of the arcs of a chunk as columns, and positions along them."""
+"""The circles of the arcs of a chunk as columns, positions along them, and their centres with new ends."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from kinematics.transforms import Array
+from postproc.motion.circles import CLOSE, RADIUS_TOLERANCE_MM, SAME, SHORT_ARC
 from postproc.motion.moves import Arc
 
 TURN = 2.0 * np.pi
@@ -81,3 +82,49 @@ class CircleColumns(msgspec.Struct, frozen=True):
         (x, y), (c, s) = (of[arcs] for of in self.from_centre), (np.cos(angle), np.sin(angle))
         program[cells, self.first[arcs]] = self.centre[0][arcs] + grown * (c * x - s * y)
         program[cells, self.second[arcs]] = self.centre[1][arcs] + grown * (s * x + c * y)
+
+
+def sweeps(start: np.ndarray, end: np.ndarray, centre: np.ndarray, sense: Array) -> Array:
+    """Sweeps `(k,)`, rad, of arcs that are no full circles, as `sweep`; points `(k,)` are complex numbers."""
+    return np.asarray(sense * ((sense * (np.angle(end - centre) - np.angle(start - centre))) % TURN))
+
+
+def centres_by_radius(start: np.ndarray, end: np.ndarray, radius: Array, sense: Array) -> np.ndarray:
+    """Centres `(k,)` of arcs with these radii, as `centre_from_radius`: complex numbers, nan where there is none."""
+    chord = np.abs(end - start)
+    none = (radius == 0.0) | (chord < SAME) | (chord / 2 > np.abs(radius) + RADIUS_TOLERANCE_MM) | np.isnan(radius)
+    height = np.sqrt(np.maximum(0.0, radius * radius - chord * chord / 4)) * sense * np.copysign(1.0, radius)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(none, np.nan, (start + end) / 2 + 1j * height * (end - start) / chord))
+
+
+Shifts = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def moved_centres(ends: tuple[np.ndarray, np.ndarray], centre: np.ndarray, turned: Array, shifts: Shifts) -> np.ndarray:
+    """Centres `(k,)` of arcs after the shifts of their starts, middles and ends, as `moved_centre`; complex numbers."""
+    start, end = ends
+    first, last = np.abs(start - centre), np.abs(end - centre)
+    turned = np.clip(turned, -TURN, TURN)
+    mean = (shifts[0] + shifts[2]) / 4 + shifts[1] / 2
+    pointed = (first > 0.0) & (last > 0.0)
+    u, v = (start - centre) / np.where(pointed, first, 1.0), (end - centre) / np.where(pointed, last, 1.0)
+    w = u * np.exp(0.5j * turned)
+    out = [_dot(d, shift - mean) for d, shift in zip((u, w, v), shifts, strict=True)]
+    across = (out[1] - (out[0] + out[2]) / 2) / np.maximum(1.0 - np.cos(turned / 2), SHORT_ARC)
+    n = u - v
+    excess = across * _dot(n, w) - out[0] + out[2]
+    square = n.real**2 + n.imag**2
+    square = np.where(np.abs(turned) > np.pi, np.maximum(square, 1.0), square)
+    root, divisor = np.sqrt(square), np.where(square > 0.0, square, 1.0)
+    far = (np.abs(excess) > CLOSE) & (np.abs(excess) < root * np.minimum(first, last))
+    moved = centre + mean + across * w - np.where(far, excess / divisor, 0.0) * n
+    largest = np.max(np.abs(np.stack(shifts)), axis=0)
+    left = np.abs(start + shifts[0] - moved) - np.abs(end + shifts[2] - moved) - (first - last)
+    far = (np.abs(left) > CLOSE) & (np.abs(left) < root * largest)
+    return np.where(pointed, moved + np.where(far, left / divisor, 0.0) * n, centre + mean)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> Array:
+    """Scalar products `(k,)` of vectors that are complex numbers."""
+    return np.asarray(a.real * b.real + a.imag * b.imag)

@@ -154,7 +154,7 @@ class Recorder:
         """True `(lines,)` where increments of plain lines are added to positions that the program has given."""
         sure = not self.start.at and self.rotary.plain
         others = [axis for axis, known in enumerate(self.known) if not sure or known != Known.PROGRAM]
-        return ~np.any(run.columns.end[others] > 0, axis=0)
+        return np.asarray(~np.any(run.columns.end[others] > 0, axis=0))
 
     def append(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -21,9 +21,8 @@ from postproc.text.number_style import NumberStyle
 from postproc.text.plain_lines import LARGEST, NumberMarks
 from postproc.text.plain_numbers import POWERS
 from postproc.text.source import ENCODING
-from postproc.write.arcs import NominalArc
 from postproc.write.decimals import Present, increments, rounded
-from postproc.write.plain_arcs import RADIUS, PlainArcs
+from postproc.write.plain_arcs import RADIUS, PlainArcs, WritableArcs
 from postproc.write.plain_texts import FEED, PlainWords, joined
 
 SMALLEST_FEED = 1e-3
@@ -64,8 +63,8 @@ class PlainRows(msgspec.Struct, dict=True):
     """True `(lines, axes)` where the program has given the position at the end."""
     kept: NDArrayBool
     """Lines `(lines,)` whose linear axes keep their positions; they name none."""
-    arcs: Mapping[int, NominalArc]
-    """Arcs by line."""
+    arcs: WritableArcs | None
+    """Arcs by line; None for none."""
     feeds: Callable[[Array, Array], tuple[Array, np.ndarray]] | None = None
     """F of the lines `(lines,)` and its decimals, for their written starts and ends; nan where F stays."""
 
@@ -85,7 +84,7 @@ class PlainRows(msgspec.Struct, dict=True):
             found += of_axis(axis, held[axis.column], ends[:, axis.column], layouts)
         arcs: dict[int, Arc] = {}
         lines = len(ends)
-        if self.arcs:
+        if self.arcs is not None:
             starts = np.concatenate([[held], ends[:-1]])
             circles, lines = PlainArcs.of(self.arcs, self.corrected, starts, ends)
             arcs, last = self._write_arcs(circles, axes, layouts, found)
@@ -125,9 +124,8 @@ class PlainRows(msgspec.Struct, dict=True):
         radii, centres = np.full(len(circles.lines), np.nan), np.full((len(circles.lines), 2), np.nan)
         if not len(circles.lines):
             return {}, None
-        plane = circles.arcs[0].arc.plane
+        plane, by_radius = circles.nominal.arcs[0].plane, circles.nominal.by_radius
         linear = {axis.column: axis for axis in axes}
-        by_radius = np.array([circle.arc.form.startswith("radius") for circle in circles.arcs], bool)
         column = addresses.find(RADIUS)
         if column >= 0 and by_radius.any():
             rows, axis = circles.lines, linear[plane[0]]

@@ -6,7 +6,7 @@ The writer keeps the positions on the control after rounding, so that increments
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -32,12 +32,12 @@ from postproc.write.added_blocks import (
     mode_words,
     part,
 )
-from postproc.write.arcs import ABOUT_POLES, CircleWriter, NominalArc
+from postproc.write.arcs import ABOUT_POLES, CircleWriter
 from postproc.write.decimals import decimals_of_axis
 from postproc.write.drilling import Depth, HoleWriter, WordScale, apart, write_hole
 from postproc.write.editors import Editors, Rewrite, Written
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
-from postproc.write.plain_arcs import writable_arcs
+from postproc.write.plain_arcs import WritableArcs
 from postproc.write.plain_rows import PlainRows, WrittenAxis, WrittenRows, plain_stretches, simple_moves
 from postproc.write.plain_texts import PlainWords, texts_of_runs
 from postproc.write.polar import PolarWriter
@@ -107,8 +107,10 @@ class Writer:
         elsewhere = (motions.known_start == Known.ASSUMED) | motions.left_elsewhere
         self._programmed, self._ours, self._inner = motions.correctable, motions.added, motions.intermediate
         together = not self._turns and indices is None
-        plain_arcs = writable_arcs(motions, correction.middle_shift) if together and not self._converts else {}
-        stretches = plain_stretches(motions, plain_arcs, self._editors.rewrite.special) if together else {}
+        with_arcs = together and not self._converts and bool(motions.arcs)
+        arcs = WritableArcs.of(motions, correction.middle_shift) if with_arcs else None
+        of_arcs = () if arcs is None else arcs.rows.tolist()
+        stretches = plain_stretches(motions, of_arcs, self._editors.rewrite.special) if together else {}
         simple = simple_moves(motions) if indices is not None and not self._converts else np.zeros(len(motions), bool)
         plain: list[tuple[int, PlainRun, PlainWords]] = []
         self._kinds, self._numbers, behind = motions.kind.tolist(), numbers_of_added(motions), 0
@@ -118,7 +120,7 @@ class Writer:
             starts[row] = held
             if row in stretches:
                 run = stretches[row]
-                written = self._write_plain(motions, correction, row, run, plain_arcs, held)
+                written = self._write_plain(motions, correction, row, run, arcs, held)
                 lines = 0 if written is None else len(written.ends)
                 if lines + 1 < len(run):
                     stretches[row + lines + 1] = run.part(lines + 1, len(run))
@@ -170,27 +172,28 @@ class Writer:
         correction: Correction,
         row: int,
         run: PlainRun,
-        arcs: Mapping[int, NominalArc],
+        arcs: WritableArcs | None,
         held: list[float],
     ) -> WrittenRows | None:
         """Write a run of plain lines from a row on, up to the first line that has to be written by itself.
 
         None if this is the first line of the run.
         """
-        if self._straight and row in arcs:
+        if self._straight and row in motions.arcs:
             return None
         names, columns, rotary = self.machine.names, self._by_letter, self._turned_by_vector
         if self._converts and np.abs(np.subtract(held, motions.start[row])[rotary]).max(initial=0.0) > SAME:
             return None
         unit, rows = float(motions.unit[row]), slice(row, row + len(run))
         axes = [WrittenAxis(axis, names[axis], decimals_of_axis(self.machine, axis, unit), unit) for axis in columns]
+        of_lines = None if arcs is None else arcs.of_lines(row, len(run))
         moves = PlainRows(
             run,
             correction.target[rows],
             motions.target[rows],
             motions.correctable[rows],
             motions.rotary_only[rows],
-            {line: arcs[row + line] for line in range(len(run)) if row + line in arcs} if arcs else {},
+            of_lines if of_lines is not None and len(of_lines.rows) else None,
             partial(feeds_of_moves, motions, row) if motions.paced else None,
         )
         written = moves.write(axes, held, self._editors.layout)
