@@ -50,14 +50,15 @@ class WritableArcs(msgspec.Struct, frozen=True):
     def of(cls, motions: Motions, middle_shift: Mapping[int, Array]) -> WritableArcs:
         """The arcs of a chunk; some conditions are tested only when they are written.
 
-        middle_shift: correction `(axes,)` of the middle of each arc, mm.
+        middle_shift: correction `(axes,)` of the middle of each arc, mm; those that it leaves out are written singly.
         """
         circles = motions.circles
         rows, cells = circles.rows, np.stack([circles.first, circles.second], axis=1)
         arcs = [motions.arcs[row] for row in rows.tolist()]
-        shifts = np.array([middle_shift[row] for row in rows.tolist()]).reshape(len(rows), -1)
+        none = np.full(motions.target.shape[1], np.nan)
+        shifts = np.array([middle_shift.get(row, none) for row in rows.tolist()]).reshape(-1, len(none))
         start, end = (_points(of[rows[:, None], cells]) for of in (motions.start, motions.target))
-        shift = _points(np.take_along_axis(shifts, cells, axis=1)) if len(rows) else start
+        shift = _points(np.take_along_axis(shifts, cells, axis=1))
         centre = circles.centre[0] + 1j * circles.centre[1]
         by_radius = np.fromiter((arc.form.startswith("radius") for arc in arcs), bool, len(rows))
         absolute = np.fromiter((arc.form == "absolute" for arc in arcs), bool, len(rows))
@@ -69,7 +70,7 @@ class WritableArcs(msgspec.Struct, frozen=True):
         near_half = by_radius & (np.abs(np.abs(found.turned) - np.pi) < HALF_TURN)
         alone = small | near_half | whole | (np.abs(found.turned) >= LONGEST) | (motions.kind[rows] != Kind.ARC)
         compensated = np.isin(rows, list(motions.cutter_compensated))
-        return found.take(np.flatnonzero(known & ~alone & ~compensated))
+        return found.take(np.flatnonzero(known & ~alone & ~compensated & ~np.isnan(shift)))
 
     def take(self, chosen: np.ndarray) -> WritableArcs:
         """Some of the arcs, by their indices."""

@@ -63,8 +63,8 @@ class PlainRows(msgspec.Struct, dict=True):
     """True `(lines, axes)` where the program has given the position at the end."""
     kept: NDArrayBool
     """Lines `(lines,)` whose linear axes keep their positions; they name none."""
-    arcs: WritableArcs | None
-    """Arcs by line; None for none."""
+    arcs: WritableArcs
+    """Arcs by line."""
     feeds: Callable[[Array, Array], tuple[Array, np.ndarray]] | None = None
     """F of the lines `(lines,)` and its decimals, for their written starts and ends; nan where F stays."""
 
@@ -84,7 +84,7 @@ class PlainRows(msgspec.Struct, dict=True):
             found += of_axis(axis, held[axis.column], ends[:, axis.column], layouts)
         arcs: dict[int, Arc] = {}
         lines = len(ends)
-        if self.arcs is not None:
+        if len(self.arcs.rows):
             starts = np.concatenate([[held], ends[:-1]])
             circles, lines = PlainArcs.of(self.arcs, self.corrected, starts, ends)
             arcs, last = self._write_arcs(circles, axes, layouts, found)

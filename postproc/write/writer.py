@@ -107,10 +107,8 @@ class Writer:
         elsewhere = (motions.known_start == Known.ASSUMED) | motions.left_elsewhere
         self._programmed, self._ours, self._inner = motions.correctable, motions.added, motions.intermediate
         together = not self._turns and indices is None
-        with_arcs = together and not self._converts and bool(motions.arcs)
-        arcs = WritableArcs.of(motions, correction.middle_shift) if with_arcs else None
-        of_arcs = () if arcs is None else arcs.rows.tolist()
-        stretches = plain_stretches(motions, of_arcs, self._editors.rewrite.special) if together else {}
+        arcs = WritableArcs.of(motions, {} if self._converts or not together else correction.middle_shift)
+        stretches = plain_stretches(motions, arcs.rows.tolist(), self._editors.rewrite.special) if together else {}
         simple = simple_moves(motions) if indices is not None and not self._converts else np.zeros(len(motions), bool)
         plain: list[tuple[int, PlainRun, PlainWords]] = []
         self._kinds, self._numbers, behind = motions.kind.tolist(), numbers_of_added(motions), 0
@@ -172,7 +170,7 @@ class Writer:
         correction: Correction,
         row: int,
         run: PlainRun,
-        arcs: WritableArcs | None,
+        arcs: WritableArcs,
         held: list[float],
     ) -> WrittenRows | None:
         """Write a run of plain lines from a row on, up to the first line that has to be written by itself.
@@ -186,14 +184,14 @@ class Writer:
             return None
         unit, rows = float(motions.unit[row]), slice(row, row + len(run))
         axes = [WrittenAxis(axis, names[axis], decimals_of_axis(self.machine, axis, unit), unit) for axis in columns]
-        of_lines = None if arcs is None else arcs.of_lines(row, len(run))
+        of_lines = arcs.of_lines(row, len(run))
         moves = PlainRows(
             run,
             correction.target[rows],
             motions.target[rows],
             motions.correctable[rows],
             motions.rotary_only[rows],
-            of_lines if of_lines is not None and len(of_lines.rows) else None,
+            of_lines,
             partial(feeds_of_moves, motions, row) if motions.paced else None,
         )
         written = moves.write(axes, held, self._editors.layout)
