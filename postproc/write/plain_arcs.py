@@ -69,7 +69,7 @@ class WritableArcs(msgspec.Struct, frozen=True):
         small = np.minimum(np.abs(start - end), np.abs(start - centre)) < SMALLEST
         near_half = by_radius & (np.abs(np.abs(found.turned) - np.pi) < HALF_TURN)
         alone = small | near_half | whole | (np.abs(found.turned) >= LONGEST) | (motions.kind[rows] != Kind.ARC)
-        compensated = np.isin(rows, list(motions.cutter_compensated))
+        compensated = np.fromiter((row in motions.cutter_compensated for row in rows.tolist()), bool, len(rows))
         return found.take(np.flatnonzero(known & ~alone & ~compensated & ~np.isnan(shift)))
 
     def take(self, chosen: np.ndarray) -> WritableArcs:
