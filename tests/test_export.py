@@ -9,7 +9,7 @@ from support.table_cases import PLAY, POSITIONING, SQUARENESS, STRAIGHTNESS, mot
 from support.tiers import quick
 
 from kinematics.basis import Harmonics
-from kinematics.effects import ErrorMotion, GrowthWithSensor, LocationError
+from kinematics.effects import Backlash, ErrorMotion, GrowthWithSensor, LocationError, Scale
 from kinematics.error_model.model import read_model, write_model
 from kinematics.state import State
 
@@ -267,3 +267,14 @@ def test_an_interval_that_does_not_divide_the_turn_is_refused(command, tmp_path,
     assert "give 6 or 7.2" in done.err
     assert not (tmp_path / "out").exists()
     assert command(*run, *layout, "--set", f"{name}=7.2").status == 0
+
+
+def test_a_reversal_that_a_table_cannot_hold_is_stated_with_one_half(command, tmp_path):
+    """Backlash of X 8 um and of C 50 urad, in a table that is the same in both directions."""
+    machine = load("dmu50")
+    effects = (Backlash("C", 50.0), Backlash("X", 8.0), Scale("X", 30.0))
+    write_model(model_of(machine, *effects), tmp_path / "cal.json")
+    options = ("--machine", "dmu50", "-c", "cal.json", "--format", "siemens-eec", "--sign", "error", "-o", "out")
+    done = command("export", *options, "--json", "-")
+    left = {each["error"]: each["rms_um"] for each in json.loads(done.out)["not_carried"]}
+    assert left == {"reversal of C": pytest.approx(25.0, abs=1e-3), "reversal of X": pytest.approx(4.0, abs=1e-3)}

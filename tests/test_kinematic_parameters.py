@@ -76,6 +76,22 @@ def positions_of_lines(machine):
     return found
 
 
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_chains_of_siemens_are_closed(name, command, tmp_path):
+    """Offsets that begin and end at one place add up to zero: a head's, a table's, or both parts of a head and table."""
+    write_model(model_of(load(name), *positions_of_lines(load(name))), tmp_path / "cal.json")
+    options = ("--machine", name, "-c", "cal.json", "--format", "siemens-tcarr", "--sign", "error", "-o", "out")
+    done = command("export", *options)
+    assert done.status == 0, done.err
+    text = "\n".join(path.read_text() for path in (tmp_path / "out").iterdir() if "before" not in path.name)
+    numbers = {int(n): float(v) for n, v in re.findall(r"\$TC_CARR(\d+)\[1\] *= *([-+.\d]+)", text)}
+    chain = [np.array([numbers.get(first + k, 0.0) for k in range(3)]) for first in (1, 4, 15, 18)]
+    parts = [chain[:2], chain[2:]] if name == "head_table" else [chain]
+    assert any(np.abs(offset).max() > 10.0 for offset in chain)
+    for part in parts:
+        assert sum(part) == pytest.approx(np.zeros(3), abs=1e-3)
+
+
 def pivot(machine, longer_um):
     """A pivot that is longer than in the machine file: B's line, and C's, lie higher above the nose."""
     b = machine.axes[machine.index("B")]

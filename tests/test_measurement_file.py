@@ -444,3 +444,16 @@ def test_place_of_a_bad_cell_in_a_long_file(read, bad):
     head = "# machine: gantry\n# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 1\nX,Y,Z,x,y,z\n"
     with pytest.raises(UserError, match=rf"^m\.csv:{bad + 6}[: ]"):
         read(head + "\n".join(lines))
+
+
+def test_the_uncertainty_of_a_straightness_grows_with_the_distance(tmp_path):
+    """0.5 um and 2 um for each metre: 0.5 um at the start of the line, 0.9 um 200 mm from it."""
+    path = tmp_path / "data.csv"
+    path.write_text(
+        "# machine: cframe\n# instrument: interferometer\n# u_um: 0.3\n# u_straightness_um: 0.5\n"
+        "# u_straightness_um_per_m: 2\n# u_angle_urad: 1\n# target.t: 0 0 -90\n"
+        "run,direction,X,EXX_um,EYX_um\n1,+,0,0,0\n1,+,200,2.3,-0.4\n"
+    )
+    measured = read_measurement(path, machines.load("cframe"))
+    found = np.sqrt(measured.instrument.row_covariances(measured)[:, 0, 0])
+    assert sorted(found) == pytest.approx([0.3e-3, 0.3e-3, 0.5e-3, 0.9e-3])

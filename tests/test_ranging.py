@@ -1,6 +1,7 @@
 """Ranges alone: files, stations and dead lengths without a guess, air, fits by the command, and what stays hidden."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -164,10 +165,10 @@ def test_the_refractive_index_is_that_of_ciddor():
 
 
 def test_a_station_is_where_hand_worked_ranges_say():
-    """Corners of a cube about (100, 0, 0); distances from (100, 0, 500) by Pythagoras, and 7 mm of dead length."""
+    """Seven corners of a cube about (100, 0, 0); distances from (100, 0, 500) by Pythagoras, 7 mm of dead length."""
     points = np.array([[x, y, z] for x in (0.0, 200.0) for y in (-100.0, 100.0) for z in (-100.0, 100.0)])
     ranges = np.where(points[:, 2] < 0.0, 380000.0, 180000.0) ** 0.5 + 7.0
-    (found,) = located(points, ranges, np.zeros(8, int))
+    (found,) = located(points[:7], ranges[:7], np.zeros(7, int))
     assert found.position == pytest.approx([100.0, 0.0, 500.0], abs=1e-6)
     assert found.dead == pytest.approx([7.0], abs=1e-6)
 
@@ -366,3 +367,17 @@ def test_a_refusal_of_too_few_ranges_says_how_many_are_enough(tmp_path, command)
     message = refusal("fit", data, "--machine", "cframe", "--basis", "legendre:6", "-o", tmp_path / "cal.json")
     assert "too few for 126 parameters of the machine and 4 of the registration" in message
     assert "(140 rows are enough for these), or fit a smaller basis" in message
+
+
+def test_a_stated_dead_length_counts_by_its_uncertainty(command, folder):
+    """A dead length 4 um from its stated one with u = 2 um is off by two; its derivative is the one of the design."""
+    data = simulated(command, folder, stations=2, points=10)
+    head = "# dead_mm.s2: 5.0\n# dead_u_um: 2.0\n"
+    data.write_text(data.read_text().replace("# stands_on: workpiece\n", f"# stands_on: workpiece\n{head}"))
+    measured = ncomp.read_measurement(data, folder / "centre.toml")
+    first = measured.instrument.first_registration(measured, np.ones(len(measured), bool))
+    stated = measured.instrument.stated_dead(measured)
+    near = replace(first, zeros={name: stated.get(name, 0.0) - 0.004 for name in first.zeros})
+    assert measured.instrument.stated_residuals(measured, near) == pytest.approx([2.0] * len(first.zeros))
+    design = measured.instrument.stated_design(measured, near)
+    assert design[:, -len(first.zeros) :] == pytest.approx(np.eye(len(first.zeros)) / 0.002)

@@ -112,7 +112,7 @@ TEXT = log(*motion(), motion()[1])
         (TEXT.replace("33.417076 1", "33.417076 1 HIGH MINOR", 1), {}, "a.log:11: 'ioc:cmd"),
         (TEXT.replace("16:17:33.417", "16:17:32.417", 1), {}, "a.log:11: the time of ioc:cmd does not increase"),
         (TEXT.replace("2020-12-08 16:17:33.417", "2020-13-08 16:17:33.417", 1), {}, "a.log:11: 2020-13-08 16:17:33.417076 is not a time"),
-        (log(*motion(), motion()[1], late=100.0), {}, "only 0 values of ioc:cmd and ioc:enc were taken within half a sample"),
+        (log(*motion(), motion()[1], late=20.0), {}, "only 0 values of ioc:cmd and ioc:enc were taken within half a sample"),
     ],
 )  # fmt: skip
 def test_refused(read, text, header, words):

@@ -8,6 +8,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
 
 from tests.code_mutants.argued import ARGUED
 from tests.code_mutants.modules import MODULES, files, modules_of_tests
@@ -49,11 +50,16 @@ def main() -> int:
     parser.add_argument("--mutants", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--again", type=Path, help="printed by an earlier run: only the faults that it left unnoticed")
     given = parser.parse_args()
     prepare()
     all_, noticed, argued = Counter[str](), Counter[str](), Counter[str]()
     left = []
-    for mutant, done in judged(drawn(given.mutants, given.seed, given.words), given.jobs):
+    mutants = drawn(given.mutants, given.seed, given.words)
+    if given.again:
+        text = given.again.read_text()
+        mutants = [each for each in mutants if f"UNNOTICED {each.text()} " in text]
+    for mutant, done in judged(mutants, given.jobs):
         all_[mutant.kind] += 1
         reason = ARGUED.get(mutant.key)
         noticed[mutant.kind] += done.failed
