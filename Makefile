@@ -9,6 +9,7 @@ PROGRAMS := 20000
 INPUTS := 5000
 SECONDS := 600
 MUTANTS := 200
+SIZE := 1
 SEED := 1
 SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 
@@ -61,6 +62,9 @@ fuzz-readers: $(INSTALLED) ## fuzz every reader of files guided by coverage, wit
 mutations: $(INSTALLED) ## put faults into the code that decides signs and positions, and count those that no test notices (MUTANTS=200 SEED=2)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.code_mutants --mutants $(MUTANTS) --seed $(SEED) --jobs 2
 
+exam: $(INSTALLED) ## ask fresh questions for fit, diagnosis, NC, tables and speed, and add a line to docs/exam_history.csv (SEED=20261201 SIZE=10)
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/nightly_exam.py --seed $(SEED) --size $(SIZE) --history docs/exam_history.csv
+
 speed: $(INSTALLED) ## measure the speed beside other readers of NC programs, and write docs/speed.md (ARGS="--lines 10000000")
 	$(BIN)/python benchmarks/speed.py --page docs/speed.md $(ARGS)
 
@@ -91,7 +95,7 @@ sbom: $(INSTALLED) ## write the bill of materials of an installed wheel, with li
 	$(BIN)/python docs/make/licences.py out/ncomp.cdx.json
 
 pages: $(INSTALLED) ## renew the pages that docs/make writes: codes, digits of the evidence, refusals, results, outputs of the tutorial and of the notebook
-	for page in controls configuration evidence refusals results tutorial session router; do $(BIN)/python docs/make/$$page.py || exit 1; done
+	for page in controls configuration evidence exam refusals results tutorial session router; do $(BIN)/python docs/make/$$page.py || exit 1; done
 
 lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 	$(BIN)/pip install --quiet "pip-tools>=7.5"

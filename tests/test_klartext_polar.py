@@ -230,7 +230,7 @@ def test_holes_of_patterns():
 @pytest.mark.parametrize(("pattern", "words"), [(LINES, ("Q225=+9.9970", "Q226=+20.0042")), (CIRCLE, ("Q216=+49.9970", "Q217=+60.0042"))])  # fmt: skip
 def test_a_pattern_goes_as_a_whole(pattern, words):
     text = HEAD + DRILL + pattern + TAIL
-    written = correct(text, model=shifted(GANTRY, **OFFSET))
+    written = correct(text, model=shifted(GANTRY, **OFFSET), tolerance_um=1.0)
     for word in words:
         assert word in written
     assert written.count("CYCL DEF 22") == 1

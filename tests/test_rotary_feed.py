@@ -61,6 +61,14 @@ def test_inverse_time_keeps_the_time(corrected, name, text):
     assert verified["anywhere_um"]["after"] == pytest.approx(done["predicted_error_um"]["anywhere"]["after"], abs=0.05)
 
 
+def test_f_stands_behind_the_brackets_of_a_word(corrected):
+    text = SIEMENS.replace("\nC150\n", "\nC=DC(150)\n")
+    lines, _, _ = corrected(text, "--rotary-feed", "inverse-time", name="part.mpf")
+    moves = [line for line in lines if "C=" in line]
+    assert len(moves) > 1
+    assert all(re.search(r"C=DC\([\d.]+\).* F[\d.]+", line) for line in moves), moves
+
+
 def test_a_scaled_feed_keeps_the_time_where_f_counts_the_linear_axes(corrected):
     lines, done, _ = corrected(ISO, "--rotary-feed", "scaled", family="linuxcnc")
     assert lines[-1].startswith("F500 ")

@@ -1,6 +1,6 @@
 """Faults put into the code on purpose: does a test notice each of them?
 
-    python -m tests.code_mutants --mutants 200 --seed 1
+    make mutations MUTANTS=200 SEED=1
 
 `operators` draws the faults (a sign, a unit, an axis letter ...), `modules` has the modules that decide signs and
 positions with the tests of each, `runner` runs these tests with the fault, and `argued` has the faults that change

@@ -1,6 +1,22 @@
-"""Faults that no test can notice, each with its reason."""
+"""Faults that change nothing a user can see, each with its reason."""
 
 from __future__ import annotations
 
-ARGUED: dict[tuple[str, str, str, str], str] = {}
+ARGUED: dict[tuple[str, str, str, str], str] = {
+    (
+        "kinematics/inverse.py",
+        "_branches",
+        "_angle_about(lines[1], TOOL_AXIS, lines[0]) + np.stack([opening, -opening])",
+        "_angle_about(lines[1], TOOL_AXIS, lines[0]) - np.stack([opening, -opening])",
+    ): "the two branches exchange their numbers; the solutions are the same",
+    ("kinematics/inverse.py", "", "100.0", "1000.0"): (
+        "the weight between orientation and position in a search whose end is the same pose for each weight"
+    ),
+    ("postproc/motion/segments.py", "_of_whole_moves", "begin + end", "begin - end"): (
+        "only whether the sum is finite is asked"
+    ),
+    ("postproc/control_data/formats/fanuc_kinematics.py", "", "1e-09", "1e-08"): (
+        "the step of tilts, which this format does not have"
+    ),
+}
 """Reason by file, function, code before and code after."""
