@@ -45,7 +45,7 @@ TESTS = (
     "frames three_dialects set_up tables_golden units_of_controls tables_siemens export tables_nodes tables_waves "
     "tables tables_applied tables_consumers kinematic_parameters kinematic_parameters_in_shops table_units "
     "tool_tables phone_tables mesh_moves readers readers_ballbar readers_ecmc readers_epics readers_twincat "
-    "measurement_file target_readings level touch_probe ballbar lengths ranging robot logs drift six_degrees iso230"
+    "measurement_file target_readings level touch_probe ballbar lengths ranging robot logs drift iso_coordinates six_degrees iso230"
 )
 """Names of test modules, with blanks between them."""
 
