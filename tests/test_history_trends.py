@@ -95,6 +95,17 @@ def test_a_change_with_the_instrument_is_open():
     assert {found.kind, *found.tied_with} >= {"change", "method"}
 
 
+def test_a_forecast_counts_both_where_machine_and_method_are_open():
+    quarters = np.arange(16) / 4.0
+    methods = tuple("tracker" if time < 3.0 else "other tracker" for time in quarters)
+    own = series(np.where(quarters < 3.0, 0.0, -20.0), quarters, methods=methods)
+    (found,) = changes(own)
+    assert found.verdict == "tied"
+    (low,), (high,) = forecast(likeliest(own, PRIORS), own.times[-1:] + 0.25).band
+    assert low < -18.0
+    assert high > 0.0
+
+
 def test_few_results_with_a_large_scatter_announce_nothing():
     own = Series(
         "A X",
@@ -211,6 +222,7 @@ def test_the_life_of_a_machine_is_that_of_the_command(db, tmp_path):
         ncomp.machine_history("cframe", db=db, limit="backlash")
 
 
+@pytest.mark.statistical
 @pytest.mark.usefixtures("command")
 def test_which_cause_changed_is_kept_and_shown(tmp_path):
     """A calibration, then a diagnosis against it, of a machine whose backlash has grown."""

@@ -1,7 +1,8 @@
 """The quantity of a machine at any time after its results, as far as these tell: a mixture of Gaussians.
 
 A forecast holds if nothing happens to the machine: it has no future steps. A drift counts with its probability, whether
-it is in the structure or not, and the walk of the machine goes on.
+it is in the structure or not; so does one change or offset of a method more, less or in the place of the other, because
+the results may not tell whether the machine or the method has changed. The walk of the machine goes on.
 """
 
 from __future__ import annotations
@@ -80,8 +81,10 @@ class _Part(NamedTuple):
 
 def forecast(structure: Structure, times: Array) -> Forecast:
     """The quantity at some times, most of them after the last result; steps count at all times."""
-    forms = [(structure.without_drift, 0.0), *structure.drifting()]
-    parts = [part for each, log_prior in forms for part in _parts(each, log_prior, times)]
+    parts: list[_Part] = []
+    for neighbour, weight in structure.alternatives():
+        for each, log_prior in ((neighbour.without_drift, 0.0), *neighbour.drifting()):
+            parts += _parts(each, weight + log_prior, times)
     log_weights = np.array([part.log_weight for part in parts])
     weights = np.exp(log_weights - logsumexp(log_weights))
     return Forecast(times, weights, np.array([p.mean for p in parts]), np.array([p.deviation for p in parts]))

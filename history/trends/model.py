@@ -38,6 +38,10 @@ WALKS = 0.5
 """Probability that a machine wanders: by seasons, its foundation, guides that run in; as likely as not."""
 STEP = 2.0
 """Step of the logarithm of the variance of a result, by 1 / sqrt(n): n results tell it to sqrt(2 / n)."""
+LEAST = 1e-3
+"""Probability, against the structure that is found, below which a neighbour of it does not count."""
+OF_STEPS: tuple[Kind, ...] = ("change", "method")
+"""Kinds of terms that are steps in the results."""
 MOST_TERMS = 12
 """Most terms of a series."""
 
@@ -214,6 +218,31 @@ class Structure:
         log_prior = self.candidates[self.drift].log_prior - float(np.log(len(SIZES)))
         for size in SIZES.tolist():
             yield self.without_drift.with_size(self.drift, size), log_prior
+
+    def alternatives(self) -> Iterator[tuple[Structure, float]]:
+        """The structure and its neighbours, with the logarithms of their weights before the evidence of each.
+
+        A neighbour has one change or offset more, less, or one of the other kind in the place of another.
+        """
+        yield self, 0.0
+        bases: list[tuple[Structure, float, Kind | None]] = [(self, 0.0, None)]
+        for place, number in enumerate(self.present):
+            own = self.candidates[number].kind
+            if own in OF_STEPS:
+                base = self.without(place)
+                bases.append((base, -base.of_kind(own), own))
+        for base, weight, left_out in bases:
+            forms = [(base, weight)] if left_out else []
+            for kind in OF_STEPS:
+                odds = weight + base.of_kind(kind)
+                if kind != left_out and odds > np.log(LEAST):
+                    forms.append((base.with_term(base.best(kind)), odds))
+            yield from ((each, odds + self.log_evidence - each.log_evidence) for each, odds in forms)
+
+    def best(self, kind: Kind) -> int:
+        """The likeliest candidate of a kind, beside the present terms."""
+        own = [number for number, each in enumerate(self.candidates) if each.kind == kind]
+        return max(own, key=self.log_odds.__getitem__)
 
     def with_term(self, number: int) -> Structure:
         """The structure with another term, in its likeliest size."""
