@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
 from itertools import zip_longest
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from history.schema import CauseRow, Entry
 
 HEAD = ("date", "entry", "since", "cause", "change, U (k=2)", "before", "odds", "verdict")
+NAME = re.compile(r"(?P<name>.+?)(?:_(?P<unit>(?:um|urad|mm|mrad|deg)(?:_per_\w+)?))?(?P<number> \d+)?")
+"""A parameter with its unit, and its number in a row: width_um, weights_um 3."""
 MOST_POWER = 6.0
 """Power of ten of the odds that are shown as they are: a million."""
 
@@ -115,8 +118,12 @@ def _named(cause: CauseRow) -> str:
 
 
 def _size(size: Mapping[str, Any]) -> str:
+    """`width 5.98 ± 0.28 um`, of the parameter width_um."""
     value = f"{size['value']:.2f}" if size["u"] is None else plus_minus(size["value"], 2.0 * size["u"], 2)
-    return f"{size['name']} {value}"
+    match = NAME.fullmatch(size["name"])
+    assert match is not None
+    name, unit = match["name"] + (match["number"] or ""), (match["unit"] or "").replace("_per_", "/")
+    return f"{name} {value} {unit}".strip()
 
 
 def odds_text(power: float) -> str:

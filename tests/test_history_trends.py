@@ -254,7 +254,7 @@ def test_which_cause_changed_is_kept_and_shown(tmp_path):
     shown = succeed("history", "show", "cframe", "--db", db, "--report", tmp_path / "life.html").shown
     assert "Which cause changed from 2026-03-01 to 2026-06-01" in shown
     page = (tmp_path / "life.html").read_text()
-    assert f"width_um {width['value']:.2f} ±" in page
+    assert f"width {width['value']:.2f} ±" in page
     assert ">2026-03-01<" in page
     succeed("history", "add", "cframe", results, "--at", "2026-06-02", "--db", db)
     (again,) = (each for each in entries(str(db)) if each["title"] == "diagnosis, results.json")

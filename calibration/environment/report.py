@@ -53,9 +53,10 @@ def _figure(found: Etve) -> Figure:
     panels = []
     for unit in dict.fromkeys(each.unit for each in found.variations):
         panel = Panel("time, h", unit, "displacement" if unit == "um" else "tilt")
-        for number, each in enumerate(one for one in found.variations if one.unit == unit):
-            values = found.readings[each.name]
-            line(panel, found.time, values - values[0], COLOURS[number % len(COLOURS)], each.name)
+        for each in (one for one in found.variations if one.unit == unit):
+            values, colour = found.readings[each.name], COLOURS[("XYZ" if unit == "um" else "AB").index(each.name[0])]
+            dash = "dash" if each.name.endswith("2") else "solid"
+            line(panel, found.time, values - values[0], colour, each.name, dash=dash)
         panels.append(panel)
     if found.temperatures:
         panel = Panel("time, h", "degC", "temperature")

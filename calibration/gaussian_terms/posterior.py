@@ -55,7 +55,7 @@ class Posterior:
             squares = float(equations.residual @ equations.residual)
             return cls(np.zeros(0), sizes, np.zeros((0, 0)), squares / factor, 0.0)
         matrix = equations.gram * sizes[:, None] * sizes
-        matrix[np.diag_indices_from(matrix)] += factor
+        matrix.flat[:: len(matrix) + 1] += factor
         upper, failed = lapack.dpotrf(matrix.T, lower=False, overwrite_a=True)
         if failed:
             raise np.linalg.LinAlgError("the columns have no finite products")

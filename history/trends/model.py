@@ -38,8 +38,9 @@ WALKS = 0.5
 """Probability that a machine wanders: by seasons, its foundation, guides that run in; as likely as not."""
 STEP = 2.0
 """Step of the logarithm of the variance of a result, by 1 / sqrt(n): n results tell it to sqrt(2 / n)."""
-LEAST = 1e-3
-"""Probability, against the structure that is found, below which a neighbour of it does not count."""
+LEAST = 1e-2
+"""Probability, against the structure that is found, below which a neighbour of it does not count: a band of 95 % leaves
+2.5 % on each side."""
 OF_STEPS: tuple[Kind, ...] = ("change", "method")
 """Kinds of terms that are steps in the results."""
 MOST_TERMS = 12

@@ -196,6 +196,15 @@ TASKS = {
         ("machine",),
         READING,
     ),
+    "etve": Task(
+        "Evaluate a standing machine",
+        "How far a machine that stands still moves with the temperature of its environment (ISO 230-3), from a log of "
+        "up to five displacements.",
+        ("etve",),
+        DATA_SUFFIXES,
+        ("period_h",),
+        files="Log of displacements",
+    ),
     "history": Task(
         "Trend of a machine",
         "Changes and drift of every quantity, its forecast, when it leaves a limit, and when to measure again.",
