@@ -26,6 +26,8 @@ FOUND = {
     'MSG("a; (b #1=2")\n': ("siemens", "because of line 1"),
     "G40 TRAFOOF D0\nG0 X1\n": ("siemens", "because of line 1: 'G40 TRAFOOF D0'"),
     "(SUPA)\nG0 X1\nSUPA G1 X2.\n": ("siemens", "because of line 3: 'SUPA G1 X2.'"),
+    "G0 X1\nN5 $P_UIFR[1]=CTRANS(X,0):CFINE(X,0.01)\n": ("siemens", "because of line 2: 'N5 $P_UIFR[1]="),
+    "$H\n$J=G91 X5\nG0 X1\n": ("iso", "because no line at its beginning"),
     "G0 X1\nGOTOF END1\n": ("siemens", "because of line 2: 'GOTOF END1'"),
     ";$PATH=/_N_WKS_DIR\nG0 X1\n": ("siemens", "because of line 1"),
     "; comment\n0 BEGIN PGM A MM\n1 L X+5 FMAX\n": ("heidenhain", "because of line 2: '0 BEGIN PGM A MM'"),

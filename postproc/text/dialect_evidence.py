@@ -14,7 +14,7 @@ _HEIDENHAIN = re.compile(r"^\s*\d*\s*(BEGIN PGM|BLK FORM|TOOL CALL|CYCL DEF|L\s+
 _SIEMENS = re.compile(
     r"%_N_|;\$PATH|^\s*(N\d+\s*)?(R\d+\s*=|DEF\s|PROC\s|EXTERN\s|TRAORI|[A]?TRANS\b|[A]?ROT\b|MCALL|CYCLE\d+|MSG\s*\()"
     r"|[XYZIJKABC]\w*\s*=\s*\S|\b(CR|AR|SPOS)\s*=|\b[A-Z_]\w+\s*=\s*\S|\b(SUPA|TRAFOOF|TRAORI)\b"
-    r"|^\s*(IF|WHILE|FOR|GOTO[FB]|GOTO(?!\s*\d)|LOOP|REPEAT|CASE)\b[^\[]*$",
+    r"|^\s*(N\d+\s*)?(\$[A-Z]{1,2}_[A-Z]|(IF|WHILE|FOR|GOTO[FB]|GOTO(?!\s*\d)|LOOP|REPEAT|CASE)\b[^\[]*$)",
     re.IGNORECASE,
 )
 _COMMAND = re.compile(r"\s*\$[^\W_]*(?:\W|$)")
