@@ -8,6 +8,8 @@ temporary files are removed.
 from __future__ import annotations
 
 import hashlib
+import pickle
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED as ANY
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
@@ -51,6 +53,7 @@ class Team:
 
         A task is taken from `tasks` when a worker is free. One that has lost its worker is done after all others.
         """
+        function = function if isinstance(self.executor, Here) else Sent(function)
         waiting, given, again = iter(tasks), dict[Future[Result], Task](), list[Task]()
         while True:
             for task in islice(waiting, self._at_once - len(given)):
@@ -79,6 +82,24 @@ class Team:
             except self._lost:
                 continue
         return lost(task)
+
+
+class Sent:
+    """A function for other processes: each makes it once, with the machine and the calibration that belong to it."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._text = pickle.dumps(function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """The result of the function, in a process with the last one or a new one."""
+        made: tuple[bytes, Callable[..., Any]] | None = getattr(_LAST, "made", None)
+        if made is None or made[0] != self._text:
+            made = _LAST.made = self._text, pickle.loads(self._text)
+        return made[1](*arguments)
+
+
+_LAST = threading.local()
+"""`made`: the text of the last function of a thread, and the function."""
 
 
 class Here(Executor):

@@ -195,25 +195,25 @@ def corrected(
         ordered, here = [each for each in ordered if not each.called], [each for each in ordered if each.called]
         yield from ((each, correct_file(correction, each)) for each in here)
     else:
-        tasks = ((correction, each) for each in ordered)
-        for (_, program), outcome in team.results(correct_file, tasks, lambda _: LOST):
+        tasks = ((each,) for each in ordered)
+        for (program,), outcome in team.results(partial(correct_file, correction), tasks, lambda _: LOST):
             yield program, outcome
         return
     unread: list[tuple[FolderProgram, Outcome]] = []
-    for (_, program, _), (outcome, text) in team.results(
-        correct_text, _texts(correction, ordered, unread), lambda _: (LOST, b"")
+    for (program, _), (outcome, text) in team.results(
+        partial(correct_text, correction), _texts(ordered, unread), lambda _: (LOST, b"")
     ):
         yield program, outcome if outcome.state in REFUSED else _written(program, outcome, text)
     yield from unread
 
 
 def _texts(
-    correction: Correction, programs: Iterable[FolderProgram], unread: list[tuple[FolderProgram, Outcome]]
-) -> Iterator[tuple[Correction, FolderProgram, bytes]]:
+    programs: Iterable[FolderProgram], unread: list[tuple[FolderProgram, Outcome]]
+) -> Iterator[tuple[FolderProgram, bytes]]:
     """Tasks with the bytes of the programs; those that cannot be read go to `unread`."""
     for each in programs:
         try:
-            yield correction, each, read_input(each.path, "program")
+            yield each, read_input(each.path, "program")
         except UserError as fault:
             unread.append((each, Outcome("refused", str(fault))))
 
