@@ -31,10 +31,10 @@ _COLUMN = re.compile(
     rf"{_RUN}\s*{_DIRECTION}|{_DIRECTION.replace('side', 'side2')}\s*{_RUN.replace('<run>', '<run2>')}", re.I
 )
 _ROW = re.compile(
-    r"[-+]?\d+(?:[.,]\d+)?(?:\s*[;\t]\s*[-+]?\d*(?:[.,]\d+)?)+"
-    r"|[-+]?\d+(?:\.\d+)?(?:\s*,\s*[-+]?\d*(?:\.\d+)?){2,}"
+    r"[-+]?\d+(?:[.,]\d+)?(?: *[;\t](?: *(?:[-+]?\d+(?:[.,]\d+)?|[-+]?[.,]\d+|[-+]))?)+"
+    r"|[-+]?\d+(?:\.\d+)?(?:\s*,(?:\s*(?:[-+]?\d+(?:\.\d+)?|[-+]?\.\d+|[-+]))?){2,}"
 )
-"""A position, and numbers behind it."""
+"""A position, and numbers behind it; blanks count in one way only, or empty cells would take exponential time."""
 _FORWARD = ("up", "forward", "+", "↑")
 _TARGETS = ("target_mm", "target_deg")
 
