@@ -64,14 +64,22 @@ class Program:
     def statements(self, number: int, level: int) -> list[str]:
         """Some statements; `level` counts those around them."""
         kinds: list[Callable[[int], list[str]]] = [
-            self.moves, self.moves, self.increments, self.arcs, self.arcs, self.holes, self.holes, self.counted_holes,
+            self.moves, self.moves, self.increments, self.arcs, self.arcs, self.counted_arc, self.holes, self.holes, self.counted_holes,
             self.inverse_time, self.turned, self.formulas, self.machine,
         ]  # fmt: skip
         kinds += [self.rotary_moves, self.tool_point] if self.rotary else []
         if level < 2:
             kinds += [self.loop, self.loop, self.branch, self.subprogram, self.subprogram, self.macro]
         if level == 0:
-            kinds += [self.offset, self.data, self.local, self.preset, self.data_in_a_loop, lambda _: self.tool()]
+            kinds += [
+                self.offset,
+                self.data,
+                self.local,
+                self.preset,
+                self.data_in_a_loop,
+                self.local_in_a_loop,
+                lambda _: self.tool(),
+            ]
         return [line for _ in range(number) for line in self.rng.choice(kinds)(level)]
 
     # ---- words
@@ -258,6 +266,27 @@ class Program:
     def local(self, level: int) -> list[str]:
         lines = [f"G52 {self.places('XYZ', 20)}", self.place(), *self.statements(self.rng.randint(1, 2), level + 1)]
         return [*lines, "G52 X0 Y0 Z0", self.place()]
+
+    def local_in_a_loop(self, level: int) -> list[str]:
+        """A pattern of parts: the local coordinates move on with every iteration."""
+        counter, x, y = next(self.variables), self.number(self.far(20)), self.number(self.far(20))
+        inner = self.statements(1, level + 1)
+        return [
+            f"#{counter}=0", f"WHILE[#{counter} LT {self.rng.randint(2, 3)}]DO1",
+            f"G52 X[{x}*#{counter}] Y[{y}-#{counter}*3.]", self.place(), *inner, f"#{counter}=#{counter}+1", "END1",
+            "G52 X0 Y0", self.place(),
+        ]  # fmt: skip
+
+    def counted_arc(self, _: int) -> list[str]:
+        """With G91, where end and centre count from the beginning; a second one continues it."""
+        radius, turn = self.rng.uniform(2, 20), self.rng.choice((2, 3))
+        inner = f"I{self.exact(radius)} J0"
+        lines = [
+            f"G91 G{turn} X{self.exact(radius)} Y{self.exact(radius if turn == 2 else -radius)} {inner} {self.feed()}"
+        ]
+        lines += [f"X{self.exact(2 * radius)} Y0 R{self.exact(1.5 * radius)}"] if self.rng.random() < 0.5 else []
+        lines += [f"Z{self.number(self.far(5))} {inner}"] if self.rng.random() < 0.5 else []
+        return [*lines, f"G90 G0 {self.places('XYZ')}"]
 
     def preset(self, _: int) -> list[str]:
         """G92, and back by the same amount, so that nothing stays."""

@@ -77,13 +77,13 @@ class Program:
         """Some statements; `level` counts those around them."""
         kinds: list[Callable[[int], list[str]]] = [
             self.moves, self.moves, self.increments, self.arcs, self.arcs, self.polar, self.helix, self.tangent,
-            self.holes, self.holes, self.turned, self.formulas, self.machine, self.corner,
+            self.holes, self.holes, self.turned, self.counted, self.formulas, self.machine, self.corner,
         ]  # fmt: skip
         kinds += [self.rotary_moves, self.tool_point] if self.rotary else []
         if level < 2:
             kinds += [self.repeat, self.repeat, self.branch, self.subprogram, self.subprogram, self.file]
         if level == 0:
-            kinds += [self.preset, self.shift, self.shift_in_a_loop, lambda _: self.tool()]
+            kinds += [self.preset, self.shift, self.shift_in_a_loop, self.turned_in_a_loop, lambda _: self.tool()]
         return [line for _ in range(number) for line in self.rng.choice(kinds)(level)]
 
     # ---- words
@@ -223,6 +223,27 @@ class Program:
         lines += [f"L {self.places('XY', 9, 'I')}"] if self.rng.random() < 0.4 else []
         lines += self.polar(0) if self.rng.random() < 0.4 else []
         return [*lines, "CYCL DEF 10.0 ROTATION", "CYCL DEF 10.1 ROT+0", self.place()]
+
+    def turned_in_a_loop(self, _: int) -> list[str]:
+        """A pattern on a circle: the rotation goes on by an increment."""
+        label, angle = next(self.labels), self.rng.choice((30, 72, -45))
+        lines = [f"LBL {label}", self.place(), f"L {self.places('XY')} {self.feed()}", *self.arcs(0)[:-1]]
+        lines += ["CYCL DEF 10.0 ROTATION", f"CYCL DEF 10.1 IROT{angle:+}", self.place()]
+        lines += [f"CALL LBL {label} REP{self.rng.randint(1, 3)}"]
+        return [*lines, "CYCL DEF 10.0 ROTATION", "CYCL DEF 10.1 ROT+0", self.place()]
+
+    def counted(self, _: int) -> list[str]:
+        """Arcs and polar moves by increments, and a feed by a parameter."""
+        size, sense = self.rng.uniform(3, 15), self.rng.choice("+-")
+        name = f"Q{next(self.parameters)}"
+        lines = [f"{name} = {self.rng.choice((300, 450))}", self.place(), f"L {self.places('XY', 9, 'I')} F{name}"]
+        lines += [f"CR IX{self.number(size)} IY{self.number(size / 3)} R{self.number(size)} DR{sense}"]
+        lines += [
+            f"CC IX{self.number(size)} IY{self.number(0.0)}",
+            f"C IX{self.number(size)} IY{self.number(size)} DR{sense}",
+        ]
+        lines += [f"LP IPR{self.number(2.0)} IPA{sense}20", f"LP IPA{self.angle()} IZ{self.number(self.far(5))}"]
+        return [*lines, f"CP IPA{sense}{self.rng.uniform(10, 200):.3f} DR{sense}", self.place()]
 
     def rotary_moves(self, _: int) -> list[str]:
         lines = [f"L {self.places(self.some('XYZ' + self.rotary))} {self.feed()}" for _ in range(2)]

@@ -18,6 +18,8 @@ from tests.fuzz.path import Array
 from tests.fuzz.rs274_programs import program
 
 TOOLS = {1: 80.0, 2: 50.0, 3: 100.0}
+WAITS = re.compile(r"m0*(0|1|49|60)(?!\d)", re.IGNORECASE)
+"""M0, M1, M60, which wait for the operator, and M49, behind which the moves take their real time."""
 SAME_MM = 1e-5
 """Largest distance of the axes from an end."""
 PROGRAMS = 5
@@ -30,8 +32,8 @@ LEAST_COMPARED = 0.2
 
 def draw(seed: int) -> Case:
     """A program of lines, arcs, cycles, frames and presets."""
-    rng = random.Random(seed)
-    return Case(program(seed, contours=False, plain=rng.random() < 0.5))
+    text = program(seed, contours=False, plain=random.Random(seed).random() < 0.5)
+    return Case(WAITS.sub("M48", text))
 
 
 def judge(case: Case) -> Outcome:
