@@ -13,7 +13,7 @@ from tests.referees.fanuc import Fanuc
 from tests.referees.moves import PLANES, Move
 
 CONTROL = 'family = "fanuc"\ntool_change_moves = []'
-OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
+OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G54.1P1", "G54.1P2")
 CENTRES = {"X": "I", "Y": "J", "Z": "K"}
 REACH = 60.0
 """Largest coordinate, mm."""
@@ -244,13 +244,16 @@ class Program:
 
     def offset(self, level: int) -> list[str]:
         name = self.rng.choice(OFFSETS)
-        return [self.place_with(name), *self.statements(self.rng.randint(1, 2), level + 1), self.place_with("G54")]
+        lines = [self.place_with(name.replace("P", " P")), *self.statements(self.rng.randint(1, 2), level + 1)]
+        return [*lines, self.place_with("G54")]
 
     def data(self, level: int) -> list[str]:
         number = self.rng.randint(1, 6)
-        lines = [f"G90 G10 L2 P{number} {self.places('XYZ')}"]
-        lines += [f"G91 G10 L2 P{number} {self.places(self.some(), 5)}", "G90"] if self.rng.random() < 0.3 else []
-        return [*lines, self.place_with(f"G{53 + number}"), *self.statements(1, level + 1), self.place_with("G54")]
+        data, name = f"L2 P{number}", f"G{53 + number}"
+        if number < 3 and self.rng.random() < 0.5:
+            data, name = f"L20 P{number}", f"G54.1 P{number}"
+        lines = [f"G90 G10 {data} {self.places('XYZ')}", self.place_with(name)]
+        return [*lines, *self.statements(1, level + 1), self.place_with("G54")]
 
     def data_in_a_loop(self, level: int) -> list[str]:
         """The offset moves on with every iteration."""

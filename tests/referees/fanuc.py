@@ -322,7 +322,7 @@ class Fanuc:
 
     def _data(self, said: Point) -> None:
         """G10 L2 sets G54 to G59, L20 the offsets of G54.1; with G91 it adds."""
-        names = {2: f"G{53 + _whole(said['P'])}", 20: f"G54.1 P{_whole(said['P'])}"}
+        names = {2: f"G{53 + _whole(said['P'])}", 20: f"G54.1P{_whole(said['P'])}"}
         offset = self.offsets[names[_whole(said["L"])]]
         for axis in self.axes:
             if axis in said:
@@ -375,7 +375,7 @@ class Fanuc:
 
     def _go(self, said: Point, codes: list[float]) -> None:
         if 54.1 in codes:
-            self._offset(f"G54.1 P{_whole(said['P'])}")
+            self._offset(f"G54.1P{_whole(said['P'])}")
         for code in codes:
             if code in {43, 43.4, 49}:
                 self._length(code, said)
