@@ -20,6 +20,8 @@ from tests.fuzz.rs274_programs import program
 TOOLS = {1: 80.0, 2: 50.0, 3: 100.0}
 WAITS = re.compile(r"m0*(0|1|49|60)(?!\d)", re.IGNORECASE)
 """M0, M1, M60, which wait for the operator, and M49, behind which the moves take their real time."""
+BLENDS = re.compile(r"g6[14](?![.\d])(\s*[pq][-+\d.]+)*", re.IGNORECASE)
+"""G61 and G64, which do not stop where two lines are one, or go round corners."""
 SAME_MM = 1e-5
 """Largest distance of the axes from an end."""
 PROGRAMS = 5
@@ -33,7 +35,7 @@ LEAST_COMPARED = 0.2
 def draw(seed: int) -> Case:
     """A program of lines, arcs, cycles, frames and presets."""
     text = program(seed, contours=False, plain=random.Random(seed).random() < 0.5)
-    return Case(WAITS.sub("M48", text))
+    return Case(BLENDS.sub("G61.1", WAITS.sub("M48", text)))
 
 
 def judge(case: Case) -> Outcome:
@@ -42,7 +44,10 @@ def judge(case: Case) -> Outcome:
     from clients import linuxcnc_sim, rs274
 
     tools = {number: rs274.Tool(length=length) for number, length in TOOLS.items()}
-    found = rs274.run(case.program, tools=tools)
+    try:
+        found = rs274.run(case.program, tools=tools)
+    except ValueError:
+        return Outcome(Verdict.REFUSED, "a spline")
     if found.exit_status or not found.moves:
         return Outcome(Verdict.REFUSED, f"rs274: {re.sub(r'[-+]?[0-9.]+', '0', found.message)[:60]}")
     config = linuxcnc_sim.Config("XYZ", tools=TOOLS, velocity=2000.0, acceleration=50_000.0)
