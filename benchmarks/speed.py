@@ -128,6 +128,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lines", type=int, default=1_000_000, help="moves of a program")
+    parser.add_argument("--forms", type=int, default=50_000, metavar="MOVES", help="of each form before and after")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--pygcode", default="", metavar="FOLDER")
     parser.add_argument("--real", type=Path, default=REAL, metavar="FOLDER", help="real programs")
@@ -149,6 +150,7 @@ def main() -> None:
         if given.real.is_dir():
             makers["real"] = "Real programs", lambda: real_programs(bench, given.real.resolve(), before)
         if before:
+            makers["forms before"] = "Forms, before and after", lambda: forms_before(bench, before, given.forms)
             makers["commands"] = "Commands, before and after", lambda: commands(before, given.rounds)
         for name in (name for name in makers if name in given.only):
             title, make = makers[name]
@@ -159,7 +161,7 @@ def main() -> None:
         given.page.write_text(page(sections, given.page))
 
 
-TABLES = ("forms", "growth", "start", "readers", "real", "commands")
+TABLES = ("forms", "forms before", "growth", "start", "readers", "real", "commands")
 """Names of the tables, in the order of the page."""
 
 
@@ -169,7 +171,7 @@ def page(sections: dict[str, str], path: Path) -> str:
     kept = {title: text.strip() for title, text in zip(present[::2], present[1::2], strict=True)}
     if any(title.endswith(" moves") for title in sections):
         kept = {title: text for title, text in kept.items() if not title.endswith(" moves")}
-    order = ("moves", "short", "Start", "Other", "Real", "Commands")
+    order = ("moves", "Forms", "short", "Start", "Other", "Real", "Commands")
     titles = sorted(kept | sections, key=lambda title: next(i for i, word in enumerate(order) if word in title))
     return "\n\n".join([INTRODUCTION.rstrip(), *(f"## {t}\n\n{(kept | sections)[t]}" for t in titles)]) + "\n"
 
@@ -186,6 +188,30 @@ def clothings(bench: Bench, lines: int) -> Table:
             done = bench.correct(bench.written(clothing, lines), "dmu50", *clothing.options)
             rows[name].append((done, interpreted[clothing.twin or name]))
     return HEAD, [(name, *figures(pairs, lines)) for name, pairs in rows.items()]
+
+
+def forms_before(bench: Bench, before: Path, lines: int) -> Table:
+    """Processor time of every form in another checkout and in this one, and of LinuxCNC's reading."""
+    rows: dict[str, list[tuple[Spent, Spent, Spent | None]]] = {name: [] for name in CLOTHINGS}
+    for number in range(bench.rounds):
+        for name, clothing in CLOTHINGS.items():
+            note(f"round {number + 1}, before and after: {name}")
+            its = CLOTHINGS[clothing.twin] if clothing.twin else clothing
+            interpreted = bench.interpret(bench.written(its, lines, for_linuxcnc=True))
+            program, options = bench.written(clothing, lines), ("dmu50", *clothing.options)
+            earlier = bench.correct(program, *options, checkout=before)
+            rows[name].append((earlier, bench.correct(program, *options), interpreted))
+    head = (f"{lines:,} moves", "processor before, s", "now, s", "before / now", "rs274 -g, s")
+    return head, [(name, *before_and_after(done)) for name, done in rows.items()]
+
+
+def before_and_after(done: Sequence[tuple[Spent, Spent, Spent | None]]) -> Iterator[str]:
+    """Medians of processor times before and after, of their ratio, and of those of LinuxCNC."""
+    for column in (0, 1):
+        yield f"{before_after.median([each[column] for each in done], 1):.2f}"
+    yield f"{before_after.ratio([each[:2] for each in done]):.1f}"
+    theirs = [each[2] for each in done if each[2] is not None]
+    yield f"{before_after.median(theirs, 1):.2f}" if theirs else ""
 
 
 def growth(bench: Bench, sizes: Sequence[int]) -> Table:
