@@ -196,8 +196,7 @@ def _parts(observations: Observations, basis: str) -> Iterator[tuple[Effect, Arr
             )
             assembled = np.flatnonzero(least > 0.0)
             kept = np.setdiff1d(np.arange(len(keys)), assembled)
-            sizes = np.maximum(least, priors.error_motion_um)[assembled]
-            matrix = np.concatenate([matrix[:, kept], np.eye(size)[:, assembled] * sizes], axis=1)
+            matrix = np.concatenate([matrix[:, kept], np.eye(size)[:, assembled] * least[assembled]], axis=1)
             yield motion, matrix, [keys[k] for k in kept] + [(motion.name, "", ASSEMBLED)] * len(assembled)
 
 
