@@ -85,12 +85,17 @@ def prepare(folder: Path, sizes: Sizes) -> None:
 Pairs = dict[str, list[tuple[Spent, Spent]]]
 
 
+def write_bytecode(before: Path) -> None:
+    """Python's compiled files of both checkouts: one without them would compile in each run."""
+    for checkout in (before, HERE):
+        for package in PACKAGES:
+            compileall.compile_dir(checkout / package, quiet=1)
+
+
 def measured(before: Path, names: Sequence[str], rounds: int, sizes: Sizes) -> tuple[Pairs, dict[str, bool]]:
     """Time and memory of the commands in both checkouts, by round; and whether their outputs are the same."""
     times: Pairs = {name: [] for name in names}
-    for checkout in (before, HERE):  # otherwise the one without bytecode would compile in each run
-        for package in PACKAGES:
-            compileall.compile_dir(checkout / package, quiet=1)
+    write_bytecode(before)
     with tempfile.TemporaryDirectory(prefix="ncomp-before-after-") as made:
         folder = Path(made)
         prepare(folder, sizes)

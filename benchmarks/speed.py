@@ -183,11 +183,38 @@ def clothings(bench: Bench, lines: int) -> Table:
         interpreted: dict[str, Spent | None] = {}
         for name, clothing in CLOTHINGS.items():
             note(f"round {number + 1}: {name}")
-            if not clothing.twin:
-                interpreted[name] = bench.interpret(bench.written(clothing, lines, for_linuxcnc=True))
-            done = bench.correct(bench.written(clothing, lines), "dmu50", *clothing.options)
-            rows[name].append((done, interpreted[clothing.twin or name]))
-    return HEAD, [(name, *figures(pairs, lines)) for name, pairs in rows.items()]
+            its, moves = CLOTHINGS[clothing.twin or name], min(lines, clothing.most)
+            if its is clothing or moves < lines:
+                interpreted[name] = bench.interpret(bench.written(its, moves, for_linuxcnc=True))
+            done = bench.correct(bench.written(clothing, moves), "dmu50", *clothing.options)
+            rows[name].append((done, interpreted[name if name in interpreted else its.name]))
+    return HEAD, [(name, *figures(pairs, min(lines, CLOTHINGS[name].most))) for name, pairs in rows.items()]
+
+
+def forms_before(bench: Bench, before: Path, lines: int) -> Table:
+    """Processor time of every form in another checkout and in this one, and of LinuxCNC's reading."""
+    before_after.write_bytecode(before)
+    rows: dict[str, list[tuple[Spent, Spent, Spent | None]]] = {name: [] for name in CLOTHINGS}
+    for number in range(bench.rounds):
+        for name, clothing in CLOTHINGS.items():
+            note(f"round {number + 1}, before and after: {name}")
+            its, moves = CLOTHINGS[clothing.twin or name], min(lines, clothing.most)
+            interpreted = bench.interpret(bench.written(its, moves, for_linuxcnc=True))
+            program, options = bench.written(clothing, moves), ("dmu50", *clothing.options)
+            earlier = bench.correct(program, *options, checkout=before)
+            rows[name].append((earlier, bench.correct(program, *options), interpreted))
+    head = ("form", "moves", "processor before, s", "now, s", "before / now", "rs274 -g, s")
+    return head, [(n, f"{min(lines, CLOTHINGS[n].most):,}", *before_and_after(done)) for n, done in rows.items()]
+
+
+def before_and_after(done: Sequence[tuple[Spent, Spent, Spent | None]]) -> Iterator[str]:
+    """Medians of processor times before and after, of their ratio, and of those of LinuxCNC."""
+    pairs = [(earlier, now) for earlier, now, _ in done]
+    yield f"{before_after.median([earlier for earlier, _ in pairs], 1):.2f}"
+    yield f"{before_after.median([now for _, now in pairs], 1):.2f}"
+    yield f"{before_after.ratio(pairs):.1f}"
+    theirs = [each[2] for each in done if each[2] is not None]
+    yield f"{before_after.median(theirs, 1):.2f}" if theirs else ""
 
 
 def forms_before(bench: Bench, before: Path, lines: int) -> Table:
@@ -352,10 +379,10 @@ reads the same moves (`rs274 -g`). Ratios are those within a round. Memory is th
 start is that of a short job beside a process that only imports NumPy (`benchmarks/cold_start.py`).
 
 Lines in bulk are read, moved and written in columns, together with the lines around them. The others are read one by
-one: comments, cycles, M functions, increments (G91), tool vectors (LN, A3 B3 C3), and moves that are split. All lines
-of a program count (`benchmarks/plain_share.py`). Before: another checkout, run in turn with this one
-(`--before CHECKOUT`, also `benchmarks/before_after.py`); `verify` reads two programs of 200,000 blocks, `fit` 3,000
-rows, `diagnose` 300.
+one: comments, cycles, M functions, arcs among increments (G91), tool vectors (LN, A3 B3 C3), and moves that are split.
+All lines of a program count (`benchmarks/plain_share.py`). Before: another checkout, run in turn with this one
+(`--before CHECKOUT`, also `benchmarks/before_after.py`). The times of forms hold the start of the process. `verify`
+reads two programs of 200,000 blocks, `fit` 3,000 rows, `diagnose` 300.
 """
 
 if __name__ == "__main__":
