@@ -35,8 +35,6 @@ from kinematics.machine import Machine
 
 TITLE = "What costs a correction more"
 ACCEPTED = ("--accept", "outside,worse,insignificant")
-PROGRAMS, SMALL = 2_000, 50
-"""Programs of a folder, and moves of each."""
 
 
 def turning(i: np.ndarray) -> np.ndarray:
@@ -176,9 +174,10 @@ class Bench:
         return spent(words, environment, self.folder)
 
     def written(self, name: str) -> bytes:
-        """The corrected program."""
+        """The corrected program, without its mark, which names the version of ncomp."""
         out = self.folder / f"{name}.out.nc"
-        return out.read_bytes() if out.is_file() else b""
+        lines = out.read_bytes().splitlines(keepends=True) if out.is_file() else []
+        return b"".join(line for line in lines if b"CALIBRATION" not in line)
 
 
 def measured(bench: Bench, names: Sequence[str], rounds: int, before: Path | None) -> list[Sequence[str]]:
