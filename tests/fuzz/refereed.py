@@ -29,10 +29,12 @@ END_UM = 0.4
 """Largest distance of the tool point at the end of a move: the last digits of its words."""
 AGAIN_UM = 0.5
 """More than that where one text stands for blocks that run several times."""
-MIDDLE_UM = 20.0
+MIDDLE_UM = 100.0
 """Largest distance in the middle of an arc, under a constant error: the last digits of a radius count many times."""
 ROUGH_UM = 12_000.0
 """Largest distance at the approaches of holes and in the middle of arcs, under errors that are slopes."""
+SAME_MM = 1e-7
+"""Difference of two positions that is rounding."""
 FEED = 2e-3
 """Largest relative difference of a feed, or of the time of a move under G93: the digits of F of its parts."""
 SLOPE = 0.4
@@ -167,15 +169,19 @@ def _fault(case: Case, before: list[Move], after: list[Move], *, depths: bool) -
 
 def _at_a_hole(moves: list[Move], i: int) -> bool:
     """True of the moves of a cycle, and of those from hole to hole at the height at which it has left the tool."""
-    while i and moves[i].kind == "rapid" and moves[i].end["Z"] == moves[i - 1].end["Z"]:
+    while i and moves[i].kind == "rapid" and _same(moves[i], moves[i - 1], "Z"):
         i -= 1
     return moves[i].kind in {"above", "hole", "back"}
+
+
+def _same(move: Move, other: Move, axes: str) -> bool:
+    return all(abs(move.end[axis] - other.end[axis]) < SAME_MM for axis in axes)
 
 
 def _rotary_alone(moves: list[Move], i: int) -> bool:
     """True of a feed move of rotary axes alone, in which the linear axes stay: with them F would be another speed."""
     move, last = moves[i], moves[max(i - 1, 0)]
-    return move.kind == "line" and move.feed[0] == "minute" and all(move.end[a] == last.end[a] for a in "XYZ")
+    return move.kind == "line" and move.feed[0] == "minute" and _same(move, last, "XYZ")
 
 
 def _off(chain: Any, effects: list[dict[str, Any]], programmed: Move, written: Move, *, flat: bool = False) -> float:
