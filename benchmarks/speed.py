@@ -217,30 +217,6 @@ def before_and_after(done: Sequence[tuple[Spent, Spent, Spent | None]]) -> Itera
     yield f"{before_after.median(theirs, 1):.2f}" if theirs else ""
 
 
-def forms_before(bench: Bench, before: Path, lines: int) -> Table:
-    """Processor time of every form in another checkout and in this one, and of LinuxCNC's reading."""
-    rows: dict[str, list[tuple[Spent, Spent, Spent | None]]] = {name: [] for name in CLOTHINGS}
-    for number in range(bench.rounds):
-        for name, clothing in CLOTHINGS.items():
-            note(f"round {number + 1}, before and after: {name}")
-            its = CLOTHINGS[clothing.twin] if clothing.twin else clothing
-            interpreted = bench.interpret(bench.written(its, lines, for_linuxcnc=True))
-            program, options = bench.written(clothing, lines), ("dmu50", *clothing.options)
-            earlier = bench.correct(program, *options, checkout=before)
-            rows[name].append((earlier, bench.correct(program, *options), interpreted))
-    head = (f"{lines:,} moves", "processor before, s", "now, s", "before / now", "rs274 -g, s")
-    return head, [(name, *before_and_after(done)) for name, done in rows.items()]
-
-
-def before_and_after(done: Sequence[tuple[Spent, Spent, Spent | None]]) -> Iterator[str]:
-    """Medians of processor times before and after, of their ratio, and of those of LinuxCNC."""
-    for column in (0, 1):
-        yield f"{before_after.median([each[column] for each in done], 1):.2f}"
-    yield f"{before_after.ratio([each[:2] for each in done]):.1f}"
-    theirs = [each[2] for each in done if each[2] is not None]
-    yield f"{before_after.median(theirs, 1):.2f}" if theirs else ""
-
-
 def growth(bench: Bench, sizes: Sequence[int]) -> Table:
     """One form in several lengths: time and memory."""
     rows: dict[int, list[tuple[Spent, Spent | None]]] = {size: [] for size in sizes}
