@@ -183,8 +183,9 @@ class Arcs:
 
     @property
     def _number(self) -> int:
-        """Number of the active pole, which changes if a helix replaces an arc."""
-        return self.pole.number if self.pole is not None else 0
+        """Number of the active pole, changed if a helix replaces an arc; without one, below 0 and of the frame."""
+        pole = self._present()
+        return pole.number if pole is not None else -1 - self.channel.frames
 
     # ---- polar coordinates
 

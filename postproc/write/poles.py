@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from kinematics.machine import Machine
 from postproc.motion.circles import Point, same
@@ -24,13 +25,22 @@ Ends = tuple[list[float], list[float]]
 """Positions of all axes on the control before and after a move, mm and degrees."""
 
 
+class Held(NamedTuple):
+    """The pole on the control."""
+
+    number: int
+    """Of the pole of the program in whose place it is."""
+    plane: tuple[int, int]
+    at: Point
+    """mm."""
+
+
 class PoleWriter:
     """Writes moves about poles; keeps track of the pole on the control."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self._held: tuple[int, Point] | None = None
-        """Number of a pole of the program, and the written pole, mm, that the control has instead of it."""
+        self._held: Held | None = None
 
     def write_line(self, motions: Motions, row: int, ends: Ends, programmed: list[bool], editor: WordEditor) -> None:
         """Write the end of an LP relative to the pole on the control; `ends` becomes the written end."""
@@ -39,11 +49,11 @@ class PoleWriter:
         if not (programmed[i] and programmed[j]):
             return
         pole = polar.pole
-        if self._held is not None and self._held[0] == polar.number:
-            pole = self._held[1]
+        if self._held is not None and self._held[:2] == (polar.number, (i, j)):
+            pole = self._held.at
         else:
             pole = pole if polar.sure else self._add_pole(polar.plane, pole, unit, editor)
-            self._held = polar.number, pole
+            self._held = Held(polar.number, (i, j), pole)
         points, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
         held[i], held[j] = write_line_end(editor, polar, pole, points, unit, resolution)
 
@@ -69,10 +79,10 @@ class PoleWriter:
             centre = self._write_pole(pole_editor, arc, unit)
         elif self._pole_is_there(arc, unit, editor):
             assert self._held is not None
-            _, centre = self._held
+            centre = self._held.at
         else:
             centre = self._add_pole(arc.plane, arc.centre, unit, editor)
-        self._held = arc.pole, centre
+        self._held = Held(arc.pole, arc.plane[:2], centre)
         self._write_end(motions, row, arc._replace(centre=centre), ends, editor, dropped)
         return centre
 
@@ -81,8 +91,8 @@ class PoleWriter:
         decimals = decimals_of_axis(self.machine, arc.plane[0], unit)
         there = (
             self._held is not None
-            and self._held[0] == arc.pole
-            and same(self._held[1], _rounded(arc.centre, decimals, unit))
+            and self._held[:2] == (arc.pole, arc.plane[:2])
+            and same(self._held.at, _rounded(arc.centre, decimals, unit))
         )
         return there and (editor.iterations is None or editor.iterations.chosen("pole is there", there))
 

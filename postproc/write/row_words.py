@@ -174,17 +174,18 @@ class RowWords:
         least = decimals_of_axis(self.machine, axis, unit)
         return max(least, decimals_holding(number)) if axis in self.exact else least
 
+    def _has_moved(self, axis: int) -> bool:
+        """True if the words of the start and of the end of an axis differ."""
+        unit = self._unit(axis)
+        digit = 10.0 ** -decimals_of_axis(self.machine, axis, unit) * unit
+        return abs(self.corrected[axis] - self.start[axis]) >= 0.5 * digit
+
     def _keep_in_plane(self) -> list[int]:
         """Klartext arcs: axes across the plane keep their positions if the block cannot name them.
 
         If it can, the result is the indices of the words that an angle must replace.
         """
-        moved = [
-            axis
-            for axis in self.written
-            if self.programmed[axis]
-            and abs(self.corrected[axis] - self.start[axis]) >= 0.5 * 10.0 ** -decimals_of_axis(self.machine, axis, 1.0)
-        ]
+        moved = [axis for axis in self.written if self.programmed[axis] and self._has_moved(axis)]
         across = axes_across(self.motions, self.row, moved)
         block = self.editor.block if isinstance(self.editor, WordEditor) else None
         dropped = replaced_by_angle(self.motions, self.row, across, block) if across else []
