@@ -17,7 +17,7 @@ OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G54.1P1", "G54.1P2")
 CENTRES = {"X": "I", "Y": "J", "Z": "K"}
 REACH = 60.0
 """Largest coordinate, mm."""
-PROGRAMS = 20
+PROGRAMS = 200
 """Programs of a run of the tests."""
 LEAST_COMPARED = 0.75
 """Share of the programs that are compared: others need --unroll, or make blocks that it cannot write out."""

@@ -16,7 +16,7 @@ from tests.referees.moves import Move
 PRESETS = ("0", "1", "2")
 REACH = 60.0
 """Largest coordinate, mm."""
-PROGRAMS = 20
+PROGRAMS = 200
 """Programs of a run of the tests."""
 LEAST_COMPARED = 0.75
 """Share of the programs that are compared: others need --unroll, or make blocks that it cannot write out."""

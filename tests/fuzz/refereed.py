@@ -139,6 +139,7 @@ def _fault(case: Case, before: list[Move], after: list[Move], *, depths: bool) -
         return f"order of moves: {len(before)} moves, {len(after)} of the correction"
     chain, effects = _chain(shipped(case)), json.loads(case.calibration)["effects"]
     constant = all(effect["basis"]["degree"] == 0 for effect in effects)
+    tolerance = float(case.options[case.options.index("--tolerance-um") + 1])
     limit = END_UM + (0.0 if "--unroll" in case.options else AGAIN_UM)
     for i, (programmed, written) in enumerate(zip(before, after, strict=True), 1):
         if programmed.kind == "machine":
@@ -152,7 +153,8 @@ def _fault(case: Case, before: list[Move], after: list[Move], *, depths: bool) -
             return f"depth: move {i} ends at Z {written.end['Z']} instead of {programmed.end['Z']}"
         off = _off(chain, effects, programmed, written, flat=hole and not depths)
         rough = (hole and not (depths and programmed.kind == "hole")) or programmed.repeated
-        if not off <= (ROUGH_UM if (rough and not constant) or _rotary_alone(before, i - 1) else limit):
+        most = limit + (tolerance if programmed.whole_turn else 0.0)  # in one block it ends where it begins
+        if not off <= (ROUGH_UM if (rough and not constant) or _rotary_alone(before, i - 1) else most):
             return f"end of {programmed.kind}: move {i} is off by {off:.3f} um at {programmed.end}: {written.end}"
         if programmed.middle and written.middle:
             middles = [move.end | move.middle for move in (programmed, written)]

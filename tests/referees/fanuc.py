@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from itertools import count
 from pathlib import PurePath
 
-from tests.referees.moves import LONGEST, PLANES, Move, Point, Unclear, arc_middle, centre_of, turned
+from tests.referees.moves import LONGEST, PLANES, ROUNDING_MM, Move, Point, Unclear, arc_middle, centre_of, turned
 
 CYCLES = {73, 74, 76, 81, 82, 83, 84, 85, 86, 89}
 ARGUMENTS = dict(
@@ -418,7 +419,9 @@ class Fanuc:
         else:
             beside = now | {axis: now[axis] + said.get(CENTRES[axis], 0.0) for axis in (first, second)}
             centre = self._placed(beside)
+        whole = all(abs(end[axis] - self.at[axis]) < ROUNDING_MM for axis in (first, second))
         self._emit("arc", end, arc_middle(self.at, end, centre, self.plane, left))
+        self.moves[-1] = replace(self.moves[-1], whole_turn=whole)
 
     def _drill(self, said: Point) -> None:
         """Rapid over the hole, rapid to R, feed to Z, and back to the level before the cycle or to R."""

@@ -15,14 +15,12 @@ from collections.abc import Callable, Mapping
 from itertools import count
 from pathlib import PurePath
 
-from tests.referees.moves import LONGEST, Move, Point, Unclear, arc_middle, centre_of, sweep, turned
+from tests.referees.moves import LONGEST, ROUNDING_MM, Move, Point, Unclear, arc_middle, centre_of, sweep, turned
 
 NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)")
 WORD = re.compile(r"(I?)(PR|PA|ROT|[XYZABC])([-+]?)(QL?\d+|\d+[.,]?\d*|[.,]\d+)")
 TOKEN = re.compile(r"\s*(QL?\d+|\d+[.,]?\d*|[.,]\d+|[A-Z]+|[-+*/()])")
 INCH_MM = 25.4
-ROUNDING_MM = 1e-7
-"""Difference of two positions that is none."""
 DRILLING = {200, 201, 203, 205, 206, 207, 240}
 DATA = {"BEGIN", "BLK", "STOP", "TOOL", "RND", "CHF", "*", "LBL"}
 """First words of blocks that neither move nor change coordinates here; a TOOL CALL is none of them."""

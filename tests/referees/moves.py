@@ -9,6 +9,8 @@ Point = dict[str, float]
 """Coordinates by axis, mm and degrees; nan where the program has not given one."""
 PLANES = {"XY": ("X", "Y", "Z"), "ZX": ("Z", "X", "Y"), "YZ": ("Y", "Z", "X")}
 """First, second and normal axis: an arc to the left of the first towards the second is counter-clockwise."""
+ROUNDING_MM = 1e-7
+"""Difference of two positions that is none."""
 LONGEST = 20_000
 """Blocks after which a program is taken for endless."""
 
@@ -41,6 +43,8 @@ class Move:
     """One of several holes of a block."""
     continues: bool = False
     """A further part of the move before it."""
+    whole_turn: bool = False
+    """An arc that ends in its plane where it begins."""
 
 
 def joined(moves: list[Move]) -> list[Move]:
