@@ -204,7 +204,8 @@ def _cluster(number: int, address: str, packages: tuple[str, ...]) -> Iterator[T
         from distributed import Client, KilledWorker, LocalCluster
     except ImportError:
         raise UserError("--dask needs Dask: pip install 'ncomp[dask]'") from None
-    own = {"n_workers": number, "threads_per_worker": 1, "dashboard_address": None}
+    server = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # a free port: two clusters at once do not meet
+    own = {"n_workers": number, "threads_per_worker": 1, "dashboard_address": None, "scheduler_kwargs": server}
     with ExitStack() as stack:
         stack.enter_context(dask.config.set({"distributed.admin.large-graph-warning-threshold": LARGEST_TASK}))
         try:

@@ -200,6 +200,14 @@ def control_tables(path: Path, _: str) -> None:
 
 
 TABLE = "-250 -250.01 -250.01\n0 0 0.002\n250 250.02 250.02\n"
+
+
+def corrected(path: Path, _: str) -> None:
+    """Corrects a user's program."""
+    prepare(["part.nc"], path.parent)
+    succeed("part.nc", "--machine", "dmu50", "--set-up-zero", "-o", path.name)
+
+
 FILES: dict[str, Maker] = {
     "part.nc": text(PROGRAM),
     "library": lambda path, _: path.mkdir(),
@@ -233,6 +241,7 @@ FILES: dict[str, Maker] = {
     **dict.fromkeys(
         ("data.csv", "measured.csv"), f"simulate --machine MACHINE --strategy grid --points 60 {TRACKER} -o FILE"
     ),
+    "part_c.nc": corrected,
     "plan.csv": "plan --machine MACHINE --strategy random --points 40 -o FILE",
     "circles.csv": f"simulate --machine MACHINE {CIRCLES} --errors none --effect backlash:axis=X,width=8 -o FILE",
     "run.csv": f"simulate-continuous --machine cframe {RUNS} -o FILE --quasistatic targets.csv",
