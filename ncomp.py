@@ -145,10 +145,16 @@ def __getattr__(name: str) -> Any:
     """A function on measurements or histories, whose libraries a correction does not load."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
-    from importlib import import_module
+    found: Any
+    if name == "machine_history":
+        from history import interface as of_histories
 
-    room = "history" if name == "machine_history" else "calibration"
-    globals()[name] = found = getattr(import_module(f"{room}.interface"), name)
+        found = getattr(of_histories, name)
+    else:
+        from calibration import interface as of_measurements
+
+        found = getattr(of_measurements, name)
+    globals()[name] = found
     return found
 
 
