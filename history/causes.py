@@ -10,7 +10,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from history.entries import FoundCause
-from kinematics.files.number_text import plus_minus
+from kinematics.files.number_text import odds_by_log, plus_minus
 from rendering.report import Section, Table
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 HEAD = ("date", "entry", "since", "cause", "change, U (k=2)", "before", "odds", "verdict")
 NAME = re.compile(r"(?P<name>.+?)(?:_(?P<unit>(?:um|urad|mm|mrad|deg)(?:_per_\w+)?))?(?P<number> \d+)?")
 """A parameter with its unit, and its number in a row: width_um, weights_um 3."""
-MOST_POWER = 6.0
-"""Power of ten of the odds that are shown as they are: a million."""
 
 
 def of_diagnosis(effects: Iterable[Mapping[str, Any]]) -> list[FoundCause]:
@@ -94,7 +92,7 @@ def _rows(found: Compared) -> Iterator[tuple[str, ...]]:
         before = [f"{each['before']:.2f}" for each in cause.sizes if each["before"] is not None]
         yield (
             str(_day(entry)), str(entry.id), since, cause.name, "; ".join(map(_size, cause.sizes)), "; ".join(before),
-            odds_text(cause.log10_odds), cause.verdict,
+            odds_by_log(cause.log10_odds * math.log(10.0)), cause.verdict,
         )  # fmt: skip
 
 
@@ -114,7 +112,7 @@ def cause_of_change(entries: Sequence[Entry], first: date, last: date) -> str:
 
 
 def _named(cause: CauseRow) -> str:
-    return f"{cause.name} ({'; '.join(map(_size, cause.sizes))}, odds {odds_text(cause.log10_odds)})"
+    return f"{cause.name} ({'; '.join(map(_size, cause.sizes))}, odds {odds_by_log(cause.log10_odds * math.log(10.0))})"
 
 
 def _size(size: Mapping[str, Any]) -> str:
@@ -124,11 +122,6 @@ def _size(size: Mapping[str, Any]) -> str:
     assert match is not None
     name, unit = match["name"] + (match["number"] or ""), (match["unit"] or "").replace("_per_", "/")
     return f"{name} {value} {unit}".strip()
-
-
-def odds_text(power: float) -> str:
-    """Odds against none, from their power of ten."""
-    return f"{10**power:.0f} to 1" if power < MOST_POWER else f"above 10^{MOST_POWER:.0f} to 1"
 
 
 def _day(entry: Entry) -> date:

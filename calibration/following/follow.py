@@ -15,6 +15,7 @@ from calibration.following.walk import Sizes
 from calibration.plausibility.mistakes import FALLS, PLAUSIBLE, UNITS, explained
 from calibration.registration.observed_points import nominal_points
 from kinematics.effects.base import UM
+from kinematics.files.number_text import odds_by_log
 from kinematics.running.progress import Progress, silent
 from kinematics.user_error import UserError
 
@@ -158,7 +159,7 @@ def _refuse_jump(measurement: Measurement, structure: Structure, kept: np.ndarra
     row = f"{measurement.source}:{_line(measurement, int(kept[worst + 1]))}"
     if odds[worst] > PRESENT:
         raise UserError(
-            f"{row}: from this row on the readings contradict the earlier ones (odds {_odds(odds[worst])}): the "
+            f"{row}: from this row on the readings contradict the earlier ones (odds {odds_by_log(odds[worst])}): the "
             "sphere, the probe or the machine was knocked, or an offset was changed. Nothing is corrected. If it was, "
             "set the work offsets again, and give these rows another name in a column 'run'. If the machine moves so "
             "fast, state --accept-jumps"
@@ -191,11 +192,6 @@ def _from_spheres(measurement: Measurement) -> float:
     centres = np.array([measurement.spheres[name] for name in measurement.groups])
     off = (centres + measurement.observed - nominal_points(measurement)) * shown
     return float(np.median(np.linalg.norm(off, axis=1)))
-
-
-def _odds(log_odds: float) -> str:
-    power = log_odds / float(np.log(10.0))
-    return f"{10**power:.0f} to 1" if power < 6.0 else "more than a million to 1"
 
 
 def _line(measurement: Measurement, row: int) -> int:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from history.causes import cause_of_change, odds_text
+from history.causes import cause_of_change
 from history.trends.changes import Found
 from history.trends.limits import FIRST, LAST, Leaving
 from history.trends.series import YEAR_S, Series, day_of, years_of
 from history.trends.trend import A_YEAR, FEWEST, Trend
-from kinematics.files.number_text import plus_minus, uncertainty
+from kinematics.files.number_text import odds_by_log, plus_minus, uncertainty
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, RED, Figure, Panel, area, bars_of_error, extent, grid, level, line
 from rendering.report import Section, Table
@@ -44,18 +44,16 @@ def _announced(trend: Trend, found: Found) -> str:
     if found.kind == "method":
         return f"{name}: results of {found.name} differ from the others by {size} {unit} (U, k=2): none of the machine."
     if found.kind == "drift" and abs(found.size) < 2.0 * found.u and found.tied_with:
-        return f"{name} wanders, by {size} {unit} a year in the mean (U, k=2), odds {_odds(found)}."
+        return f"{name} wanders, by {size} {unit} a year in the mean (U, k=2), odds {odds_by_log(found.log_odds)}."
     if found.kind == "drift":
         how = f"moves (a drift, or a {' or a '.join(found.tied_with)})" if found.tied_with else "drifts"
-        return f"{name} {how} by {size} {unit} a year (U, k=2), odds {_odds(found)}."
+        return f"{name} {how} by {size} {unit} a year (U, k=2), odds {odds_by_log(found.log_odds)}."
     event = f", the dates of the {found.name}" if found.name else ""
     or_slow = " It may be slow as well." if found.tied_with else ""
     dates = " and ".join(str(day_of(time)) for time in found.between)
-    return f"{name} changed by {size} {unit} (U, k=2) between {dates}{event}, odds {_odds(found)}.{or_slow}"
-
-
-def _odds(found: Found) -> str:
-    return odds_text(found.log_odds / float(np.log(10.0)))
+    return (
+        f"{name} changed by {size} {unit} (U, k=2) between {dates}{event}, odds {odds_by_log(found.log_odds)}.{or_slow}"
+    )
 
 
 def leaving_sentences(trend: Trend, leaves: Leaving) -> Iterator[str]:
@@ -112,7 +110,7 @@ def _change_row(trend: Trend, found: Found) -> tuple[str, ...]:
     tied = ", ".join(found.tied_with)
     tie = "" if not tied else f" with {tied}" if found.verdict == "tied" else f", or a {tied}"
     size = f"{plus_minus(found.size, 2.0 * found.u, 2, '+')} {trend.series.unit}"
-    return trend.series.name, what, size, dates, _odds(found), f"{found.verdict}{tie}"
+    return trend.series.name, what, size, dates, odds_by_log(found.log_odds), f"{found.verdict}{tie}"
 
 
 def _now_row(trend: Trend) -> tuple[str, ...]:

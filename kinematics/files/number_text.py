@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 LEAST_P = 1e-300
 """Probability below which its value is not shown."""
+LARGEST = 700.0
+"""Largest logarithm of odds whose odds are a number."""
+TELLING = 1e6
+"""Odds beyond which their size says nothing more."""
 
 
 def rounded(value: float, digits: int = 2) -> str:
@@ -26,6 +32,16 @@ def plus_minus(value: float, u: float, decimals: int, sign: str = "") -> str:
     shown = uncertainty(u, decimals)
     places = max(decimals, len(shown.partition(".")[2]))
     return f"{value:{sign}z.{places}f}" + (f" ± {shown}" if u else "")
+
+
+def odds(value: float) -> str:
+    """Odds in words."""
+    return f"{value:,.0f} to 1" if value < TELLING else f"over {TELLING:,.0f} to 1"
+
+
+def odds_by_log(log_odds: float) -> str:
+    """Odds in words, by their natural logarithm."""
+    return odds(math.exp(min(log_odds, LARGEST)))
 
 
 def amount(value: float, unit: str) -> str:

@@ -14,8 +14,6 @@ MANY = 8
 COVERAGE = 2
 WAVES = 3
 """Most waves of a cause that are printed."""
-CERTAIN = 1e6
-"""Odds from which a similar cause is excluded in practice."""
 REMEDIES = {
     "program": "The corrected program (ncomp) compensates it; a table of one axis cannot.",
     "table": "A compensation table of the axis or the corrected program compensates it.",
@@ -125,11 +123,6 @@ def _label(quantity: Parameter) -> str:
     """Name of a parameter before its value; a number at its end is divided from the value."""
     name = quantity_name(quantity)
     return f"{name}:" if name[-1].isdigit() else name
-
-
-def odds(value: float) -> str:
-    """Odds in words; beyond a million to one their size says nothing more."""
-    return f"{value:,.0f} to 1" if value < CERTAIN else "over 1,000,000 to 1"
 
 
 def similarity(cosine: float, *, tied: bool) -> str:

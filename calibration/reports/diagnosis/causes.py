@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 
@@ -16,6 +15,7 @@ from calibration.reports.causes.at_positions import at_positions
 from calibration.reports.causes.figures import cause_figure, share_chart
 from calibration.reports.causes.views import views
 from calibration.reports.diagnosis.verdict import at_tool_text, by_size
+from kinematics.files.number_text import odds, odds_by_log
 from rendering.figures import Figure, percent
 from rendering.report import Section, Table
 
@@ -32,8 +32,6 @@ SHARES = (
     "Blue: the machine. Orange: the instrument. 100 % are the squared residuals of the model without these causes; a "
     "share is the part of them that follows the cause."
 )
-LARGEST = 700.0
-"""Largest logarithm of odds whose odds are a number."""
 READINGS = "residuals plus the fitted cause"
 HOW_DRAWN = {
     "dots": f"Small dots are single rows ({READINGS}), large dots their means; black or a line is the fitted cause.",
@@ -81,7 +79,7 @@ def _row(answer: Diagnosis, number: str, cause: Cause, size: AtTool | None) -> S
         words.title(cause),
         "\n".join(positions or words.sizes(cause)),
         at_tool_text(size),
-        words.odds(math.exp(min(cause.log_odds, LARGEST))),
+        odds_by_log(cause.log_odds),
         words.held_out(cause),
         percent(cause.share),
         words.verdict(cause),
@@ -96,7 +94,7 @@ def _similar(numbered: Sequence[tuple[str, Cause, AtTool | None]]) -> Iterator[S
             words.title(cause),
             words.in_full(other.name),
             words.similarity(other.cosine, tied=True),
-            words.odds(other.odds),
+            odds(other.odds),
         )
         for number, cause, _ in numbered
         for other in cause.alternatives
