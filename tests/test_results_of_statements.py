@@ -27,9 +27,10 @@ SETTING = {"iso": "{}=3.\n", "siemens": "{}=3\n", "heidenhain": "{} = 3\n"}
 FOLLOWED = {("siemens", "R[1]=SET(7,8)"): {"R1": 7, "R2": 8}, ("siemens", "R[1]=REP(9,2)"): {"R1": 9, "R2": 9}}
 """Values behind statements that are followed."""
 EACH = [
-    (dialect, statement, name, written)
-    for dialect, statement, *names, _, _, _ in STATEMENTS
-    for written, listed in zip((True, False), names, strict=True)
+    (each.dialect, example.text, name, written)
+    for each in STATEMENTS
+    for example in each.examples
+    for written, listed in ((True, example.writes), (False, example.leaves))
     for name in listed.split()
 ]
 
@@ -49,7 +50,8 @@ def test_a_value_behind_a_statement(dialect, statement, name, written):
 
 
 def test_every_statement_of_the_table_is_tried():
-    tried = {statement.split(" Z ")[0].rstrip(" 0123456789") for _, statement, *_ in STATEMENTS}
-    tried |= {word for _, statement, *_ in STATEMENTS for word in statement.split()}
+    texts = [example.text for each in STATEMENTS for example in each.examples]
+    tried = {text.split(" Z ")[0].rstrip(" 0123456789") for text in texts}
+    tried |= {word for text in texts for word in text.split()}
     alike = {"M4": "M3", "M5": "M3", "M9": "M8", "M14": "M13"}
     assert {alike.get(name, name) for name in SET_BY_CONTROL} <= tried

@@ -37,7 +37,7 @@ def _with_table(text: str, head: str, rows: Iterable[str]) -> str:
 def pages() -> dict[str, str]:
     """The texts of both pages, by name."""
     configuration = (_row((each.control, each.shown, each.reading, each.export)) for each in CONFIGURATION)
-    statements = dict.fromkeys(_row((each.shown, each.sets, each.afterwards)) for each in STATEMENTS if each.shown)
+    statements = (_row((each.shown, each.sets, each.afterwards)) for each in STATEMENTS)
     return {
         "machines.md": _with_table((DOCS / "machines.md").read_text(), CONFIGURATION_HEAD, configuration),
         "flow.md": _with_table((DOCS / "flow.md").read_text(), STATEMENTS_HEAD, statements),

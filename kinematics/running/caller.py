@@ -128,6 +128,7 @@ def public(function: Callable[P, Result]) -> Callable[P, Result]:
 
     @functools.wraps(function)
     def call(*positional: P.args, **named: P.kwargs) -> Result:
+        """The result; from Python the arguments are checked, and a UserError is in the words of Python."""
         if BY_COMMAND_LINE.get():
             return function(*positional, **named)
         from kinematics.running.arguments import checked

@@ -40,9 +40,18 @@ class ConfigurationEntry(NamedTuple):
 
 
 HEAD, KLARTEXT, END = "G21 G90 G17\nG0 X0. Y0. Z0.\n", "BEGIN PGM A MM\nTOOL CALL 1 Z S100\n", "END PGM A MM\n"
-_ROTARY = Trial(
-    "iso",
-    f"{HEAD}G0 C170.\nC340.\nC5.\nM2\n",
+
+
+def _iso(blocks: str, ends: Mapping[str, Ends | str]) -> Trial:
+    return Trial("iso", f"{HEAD}{blocks}\nM2\n", ends)
+
+
+def _klartext(blocks: str, ends: Mapping[str, Ends | str]) -> Trial:
+    return Trial("heidenhain", f"{KLARTEXT}{blocks}\n{END}", ends)
+
+
+_ROTARY = _iso(
+    "G0 C170.\nC340.\nC5.",
     {'"as-written"': (0, 0, 0, 5), '"shortest"': (0, 0, 0, 365), '"signed"': (0, 0, 0, 365)},
 )
 CONFIGURATION = (
@@ -77,7 +86,7 @@ CONFIGURATION = (
         "LinuxCNC kinematics module (`xyzac-trt-kins`)", "tcp_at_start", "`tcp_at_start`", "X Y Z are the tool point",
         "kinematic parameters of the module",
         # the table has turned by 90 degrees: X10 on it is Y10 of the machine, seen from the tool against the turn
-        Trial("iso", f"{HEAD}G0 C90.\nG1 X10. Y0. Z0. F100\nM2\n", {"false": (10, 0, 0, 90), "true": (0, -10, 0, 90)}),
+        _iso("G0 C90.\nG1 X10. Y0. Z0. F100", {"false": (10, 0, 0, 90), "true": (0, -10, 0, 90)}),
     ),
     ConfigurationEntry(
         "LinuxCNC 2.10: number of the kinematics in `G12.1 P`", "kinematics_types", "`kinematics_types`",
@@ -86,7 +95,7 @@ CONFIGURATION = (
     ConfigurationEntry(
         "FANUC 3401 #0 (calculator-type input)", "integer_words", "`integer_words`, `increment`",
         "`X10` is 10 mm or 10 increments", "none",
-        Trial("iso", f"{HEAD}G0 X10\nM2\n", {'"units"': (10, 0, 0, 0), '"increments"': (0.01, 0, 0, 0)}),
+        _iso("G0 X10", {'"units"': (10, 0, 0, 0), '"increments"': (0.01, 0, 0, 0)}),
     ),
     ConfigurationEntry(
         "FANUC 3402 #0, Siemens MD20150", "", "none: write `G0`, `G1`, `G90` into the program", "modes before any code",
@@ -95,8 +104,8 @@ CONFIGURATION = (
     ConfigurationEntry(
         "centres of arcs: `G90.1`, `G91.1` at the start", "arc_centres", "`arc_centres`",
         "I J K of arcs from the start of the arc, or of the coordinates", "none",
-        Trial(
-            "iso", f"{HEAD}G0 X10.\nG3 X0. Y10. I0. J0. F100\nM2\n",
+        _iso(
+            "G0 X10.\nG3 X0. Y10. I0. J0. F100",
             {'"absolute"': (0, 10, 0, 0), '"incremental"': "centre"},
         ),
     ),
@@ -119,24 +128,22 @@ CONFIGURATION = (
     ),
     ConfigurationEntry(
         "HEIDENHAIN 7410", "scaled_axes", "`scaled_axes`", "axes that cycle 11 scales", "none",
-        Trial(
-            "heidenhain",
-            f"{KLARTEXT}CYCL DEF 11.0 SCALING\nCYCL DEF 11.1 SCL 2\nL X+1 Y+2 Z+3 R0 FMAX\n{END}",
+        _klartext(
+            "CYCL DEF 11.0 SCALING\nCYCL DEF 11.1 SCL 2\nL X+1 Y+2 Z+3 R0 FMAX",
             {'"XYZ"': (2, 4, 56, 0), '"XY"': (2, 4, 53, 0)},
         ),
     ),
     ConfigurationEntry(
         "HEIDENHAIN: repeats that are not whole", "repeats", "`repeats`", "`CALL LBL REP` with a fraction", "none",
-        Trial(
-            "heidenhain",
-            f"{KLARTEXT}Q1 = 2.6\nL X+0 Y+0 Z+0 R0 FMAX\nLBL 1\nL IX+1 R0 FMAX\nCALL LBL 1 REP Q1\n{END}",
+        _klartext(
+            "Q1 = 2.6\nL X+0 Y+0 Z+0 R0 FMAX\nLBL 1\nL IX+1 R0 FMAX\nCALL LBL 1 REP Q1",
             {'"truncate"': (3, 0, 50, 0), '"round"': (4, 0, 50, 0)},
         ),
     ),
     ConfigurationEntry(
         "block-skip switch, `[DISPLAY]` or panel", "block_skip", "`block_skip`, `--block-skip`", "blocks with a slash",
         "none",
-        Trial("iso", f"{HEAD}/ G0 X5.\nM2\n", {'"on"': (0, 0, 0, 0), '"off"': (5, 0, 0, 0), '""': "block-skip switch"}),
+        _iso("/ G0 X5.", {'"on"': (0, 0, 0, 0), '"off"': (5, 0, 0, 0), '""': "block-skip switch"}),
     ),
 )  # fmt: skip
 """All entries, as the page shows them."""

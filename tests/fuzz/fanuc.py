@@ -9,14 +9,13 @@ from collections.abc import Callable, Mapping
 from tests.fuzz import refereed
 from tests.fuzz.case import Case, Outcome
 from tests.fuzz.refereed import LENGTHS, MACHINES, calibration, machine_text, offsets_of, options_of, rotary_of, shipped
+from tests.fuzz.words import Words
 from tests.referees.fanuc import Fanuc
 from tests.referees.moves import PLANES, Move
 
 CONTROL = 'family = "fanuc"\ntool_change_moves = []'
 OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G54.1P1", "G54.1P2")
 CENTRES = {"X": "I", "Y": "J", "Z": "K"}
-REACH = 60.0
-"""Largest coordinate, mm."""
 PROGRAMS = 200
 """Programs of a run of the tests."""
 LEAST_COMPARED = 0.75
@@ -43,11 +42,14 @@ def run(texts: Mapping[str, str], case: Case) -> list[Move]:
     return Fanuc(texts, offsets_of(case), LENGTHS, rotary_of(shipped(case))).run()
 
 
-class Program:
+class Program(Words):
     """Writes a program. Every statement begins and ends in G90, G94 and G17, with the axes at known places."""
 
+    POINT = "."
+
     def __init__(self, rng: random.Random, rotary: str, *, several_holes: bool) -> None:
-        self.rng, self.rotary, self.several_holes = rng, rotary, several_holes
+        super().__init__(rng, rotary)
+        self.several_holes = several_holes
         self.inch = rng.random() < 0.15
         self.names = iter(range(1000, 9000, 7))
         self.variables = iter(range(100, 190))
@@ -89,22 +91,6 @@ class Program:
         text = f"{mm / 25.4:.4f}" if self.inch else f"{mm:.3f}"
         text = text.rstrip("0") if self.rng.random() < 0.5 else text
         return "0." if text in {"-0.", "-0.000", "-0.0000"} else text
-
-    def places(self, axes: str, reach: float = REACH) -> str:
-        """Words of axes at random places."""
-        return " ".join(f"{a}{self.angle() if a in 'ABC' else self.number(self.far(reach))}" for a in axes)
-
-    def far(self, reach: float = REACH) -> float:
-        return self.rng.uniform(-reach, reach)
-
-    def angle(self) -> str:
-        return f"{self.rng.uniform(5, 40):.3f}"
-
-    def some(self, axes: str = "XYZ") -> str:
-        return "".join(sorted(self.rng.sample(axes, self.rng.randint(1, len(axes)))))
-
-    def feed(self) -> str:
-        return f"F{self.rng.choice((100, 250, 800))}."
 
     def place(self) -> str:
         """A block that places every axis."""

@@ -10,12 +10,11 @@ from collections.abc import Callable, Mapping
 from tests.fuzz import refereed
 from tests.fuzz.case import Case, Outcome
 from tests.fuzz.refereed import LENGTHS, MACHINES, calibration, machine_text, offsets_of, options_of, rotary_of, shipped
+from tests.fuzz.words import Words
 from tests.referees.klartext import Klartext
 from tests.referees.moves import Move
 
 PRESETS = ("0", "1", "2")
-REACH = 60.0
-"""Largest coordinate, mm."""
 PROGRAMS = 200
 """Programs of a run of the tests."""
 LEAST_COMPARED = 0.75
@@ -43,11 +42,14 @@ def run(texts: Mapping[str, str], case: Case) -> list[Move]:
     return Klartext(texts, presets, LENGTHS, rotary_of(shipped(case))).run()
 
 
-class Program:
+class Program(Words):
     """Writes a program. Every statement begins and ends with the axes at known places."""
 
+    SIGN = "+"
+
     def __init__(self, rng: random.Random, rotary: str, *, most_deg: float) -> None:
-        self.rng, self.rotary, self.most_deg = rng, rotary, most_deg
+        super().__init__(rng, rotary)
+        self.most_deg = most_deg
         self.inch, self.comma = rng.random() < 0.15, rng.random() < 0.2
         self.numbered = rng.random() < 0.5
         self.names, self.parameters, self.labels = iter(range(1, 99)), iter(range(1, 90)), iter(range(1, 400))
@@ -91,22 +93,6 @@ class Program:
     def number(self, mm: float) -> str:
         """Text of a length, with its sign."""
         return f"{mm / 25.4:+.5f}" if self.inch else f"{mm:+.4f}"
-
-    def places(self, axes: str, reach: float = REACH, by: str = "") -> str:
-        """Words of axes at random places."""
-        return " ".join(f"{by}{a}{self.angle() if a in 'ABC' else self.number(self.far(reach))}" for a in axes)
-
-    def far(self, reach: float = REACH) -> float:
-        return self.rng.uniform(-reach, reach)
-
-    def angle(self) -> str:
-        return f"{self.rng.uniform(5, 40):+.3f}"
-
-    def some(self, axes: str = "XYZ") -> str:
-        return "".join(sorted(self.rng.sample(axes, self.rng.randint(1, len(axes)))))
-
-    def feed(self) -> str:
-        return f"F{self.rng.choice((100, 250, 800))}"
 
     def place(self) -> str:
         """A block that places every axis."""

@@ -10,12 +10,11 @@ from tests.clients import nc_gcode
 from tests.fuzz import refereed
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.refereed import LENGTHS, MACHINES, calibration, machine_text, offsets_of, options_of, rotary_of, shipped
+from tests.fuzz.words import Words
 from tests.referees import siemens
 from tests.referees.moves import Move, Unclear
 
 OFFSETS = ("G54", "G55", "G56", "G57")
-REACH = 60.0
-"""Largest coordinate, mm."""
 PROGRAMS = 200
 """Programs of a run of the tests."""
 LEAST_COMPARED = 0.9
@@ -47,11 +46,11 @@ def run(texts: Mapping[str, str], case: Case) -> list[Move]:
         raise Unclear(str(refusal)) from None
 
 
-class Program:
+class Program(Words):
     """Writes a program. Every statement begins and ends with the axes at known places, in G94, without a frame."""
 
     def __init__(self, rng: random.Random, rotary: str) -> None:
-        self.rng, self.rotary = rng, rotary
+        super().__init__(rng, rotary)
         self.numbers = iter(range(1, 300))
         self.names = iter(f"V{chr(65 + i // 26)}{chr(65 + i % 26)}" for i in range(600))
 
@@ -74,21 +73,9 @@ class Program:
 
     # ---- words
 
-    def far(self, reach: float = REACH) -> float:
-        return self.rng.uniform(-reach, reach)
-
     def word(self, axis: str, value: float) -> str:
         """In one of the forms that Siemens has."""
         return self.rng.choice((f"{axis}{value:.4f}", f"{axis}={value:.4f}", f"{axis}={value - 1:.4f}+2*0.5"))
-
-    def places(self, axes: str, reach: float = REACH) -> str:
-        return " ".join(self.word(axis, self.rng.uniform(5, 40) if axis in "ABC" else self.far(reach)) for axis in axes)
-
-    def some(self, axes: str = "XYZ") -> str:
-        return "".join(sorted(self.rng.sample(axes, self.rng.randint(1, len(axes)))))
-
-    def feed(self) -> str:
-        return f"F{self.rng.choice((100, 250, 800))}"
 
     def place(self, codes: str = "G0") -> str:
         """A block that places every axis."""

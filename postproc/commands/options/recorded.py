@@ -71,6 +71,7 @@ class HistoryOptions:
             sessions: list[Session] = []
 
             def record(result: Callable[[], Result]) -> None:
+                """Enter the result; one that the history has keeps its number."""
                 if machine is not None and address is not None:
                     from history.database import opened
                     from history.entries import enter, same_as
@@ -117,6 +118,7 @@ def calibration_entry(
     """
 
     def made() -> Result:
+        """The entry, with the fingerprints of the files as they are now."""
         from history.causes import of_diagnosis
         from history.results import fingerprints, instant, of_calibration
         from kinematics.files import fingerprint
@@ -143,6 +145,7 @@ def results_entry(
     """Makes the entry of results for programs, of a measurement or of none."""
 
     def made() -> Result:
+        """The entry, with the fingerprints of the files as they are now."""
         from history.results import fingerprints, instant, of_results
 
         method, day = "", None

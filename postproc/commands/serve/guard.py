@@ -90,6 +90,7 @@ class Guard:
         body, begun = _Body(receive, self.limits), False
 
         async def safely(message: Message) -> None:
+            """Send a message; the first of an answer gets the headers that restrict what a browser does with it."""
             nonlocal begun
             if message["type"] == "http.response.start":
                 begun = True

@@ -7,10 +7,15 @@ from typing import Annotated
 from msgspec import Meta
 
 from postproc.control_data.format import Settings
-from postproc.control_data.formats.firmware.skew_and_mesh import SKEWS, departure_um, mesh_of, tangents
+from postproc.control_data.formats.firmware.skew_and_mesh import (
+    SKEW_LIMITS,
+    capabilities,
+    departure_um,
+    mesh_of,
+    tangents,
+)
 from postproc.control_data.readers.firmware.read_klipper_and_reprap import read_klipper, read_reprap
 from postproc.control_data.readers.firmware.skew import skew_of
-from postproc.control_data.tables.build import Capabilities
 from postproc.control_data.tables.content import Content, number
 from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.mesh_moves import DEFAULT, FINEST, Segments
@@ -92,14 +97,14 @@ into printer.cfg. The remaining errors below are those at the ends of moves; alo
 
 
 def _limits(grid: int, resolution: float, step: float) -> Limits:
-    skew = Limits(points=2, resolution=1e-7, degree=1, through_zero=True)
     return Limits(
-        points=grid * grid, resolution=resolution, spacing_step=step, grid=grid, surfaces_per_output=1, cross=skew
+        points=grid * grid,
+        resolution=resolution,
+        spacing_step=step,
+        grid=grid,
+        surfaces_per_output=1,
+        cross=SKEW_LIMITS,
     )
-
-
-def _capabilities(_: MeshSettings) -> Capabilities:
-    return Capabilities(outputs="XYZ", own=False, cross=True, pairs=SKEWS, surfaces="XY", surface_outputs="Z")
 
 
 KLIPPER = TableFormat(
@@ -107,7 +112,7 @@ KLIPPER = TableFormat(
     title="Klipper skew_correction and bed_mesh",
     settings=MeshSettings,
     limits=lambda settings: _limits(settings.grid, 1e-6, 1e-4),
-    capabilities=_capabilities,
+    capabilities=lambda _: capabilities(),
     write=write_klipper,
     read=read_klipper,
     remark=along_moves_of_klipper,
@@ -130,7 +135,7 @@ REPRAP = TableFormat(
     title="RepRapFirmware height map and M556 skew",
     settings=MeshSettings,
     limits=lambda settings: _limits(settings.grid, 1e-3, 1e-2),
-    capabilities=_capabilities,
+    capabilities=lambda _: capabilities(),
     write=write_reprap,
     read=read_reprap,
     remark=along_moves_of_reprap,

@@ -6,7 +6,14 @@ from typing import Literal
 
 from kinematics.user_error import UserError
 from postproc.control_data.format import Settings
-from postproc.control_data.formats.firmware.skew_and_mesh import SKEWS, departure_um, mesh_of, tangents
+from postproc.control_data.formats.firmware.skew_and_mesh import (
+    SKEW_LIMITS,
+    SKEWS,
+    capabilities,
+    departure_um,
+    mesh_of,
+    tangents,
+)
 from postproc.control_data.readers.firmware.read_marlin import nodes_of, read
 from postproc.control_data.readers.firmware.skew import skew_of
 from postproc.control_data.tables.build import Capabilities
@@ -71,14 +78,14 @@ def _limits(settings: MarlinSettings) -> Limits:
         resolution=10.0**-MESH_DECIMALS,
         mesh=mesh,
         surfaces_per_output=1,
-        cross=Limits(points=2, resolution=1e-7, degree=1, through_zero=True),
+        cross=SKEW_LIMITS,
     )
 
 
 def _capabilities(settings: MarlinSettings) -> Capabilities:
     pairs = SKEWS if settings.skew == "xyz" else SKEWS[:1]
     surfaces = "XY" if nodes_of(settings.x, settings.y) else ""
-    return Capabilities(outputs="XYZ", own=False, cross=True, pairs=pairs, surfaces=surfaces, surface_outputs="Z")
+    return capabilities(pairs, surfaces)
 
 
 FORMAT = TableFormat(

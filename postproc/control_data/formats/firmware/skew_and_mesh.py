@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from kinematics.transforms import Array
+from postproc.control_data.tables.build import Capabilities
 from postproc.control_data.tables.content import Content, curves_by_letters
+from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.mesh_moves import Parts, largest_departure
 from postproc.control_data.tables.terms import Surface
 
 SKEWS = ("XY", "XZ", "YZ")
 """Output and source of each shear of the firmware."""
+SKEW_LIMITS = Limits(points=2, resolution=1e-7, degree=1, through_zero=True)
+"""A shear is one slope."""
 
 
 class Mesh(NamedTuple):
@@ -20,6 +24,11 @@ class Mesh(NamedTuple):
     y: Array
     rows: Array
     """`(y, x)`, mm."""
+
+
+def capabilities(pairs: tuple[str, ...] = SKEWS, surfaces: str = "XY") -> Capabilities:
+    """Shears, and heights over the bed."""
+    return Capabilities(outputs="XYZ", own=False, cross=True, pairs=pairs, surfaces=surfaces, surface_outputs="Z")
 
 
 def slopes(content: Content) -> dict[str, float]:
