@@ -199,6 +199,12 @@ SIEMENS = {
     "G0 X=SQRT(16)+POT(2) Y=ABS(-3) Z=ROUND(2.5)": (8, 3, 3),
     "G0 X=TRUNC(2.9) Y=MINVAL(4,3) Z=BOUND(0,5,9)": (2, 3, 5),
     "G0 X=2+3*4 Y=(2+3)*4 Z=12/3/2": (14, 20, 2),
+    # positions that the program reads
+    "G0 X10 Y20 Z30|X=$AA_IW[X]+5 Y=$AA_IW[Z]": (15, 30, 30),
+    "TRANS X5|G0 X10 Y20 Z30|R1=$AA_IW[X]*2|X1|Y=R1": (6, 20, 30),
+    "G54 G0 X1 Y2 Z3|R1=$AA_IM[Z]-$AA_IW[Z]|X=R1": (400, 202, 303),
+    "G0 X0 Y0 Z0|REPEAT|X=IC(10) Z=IC(2)|UNTIL $AA_IW[Z]>9-0.05": (50, 0, 10),
+    "G0 X0 Y0 Z0|G1 X10 F9|IF $AA_IW[X]>5 GOTOF AA|Y1|AA: Z=ABS(-$AA_IW[X])": (10, 0, 10),
     # the run of the program
     "G0 X0 Y0 Z0|FOR R1=1 TO 3|X=R1*10|ENDFOR": (30, 0, 0),
     "G0 X0 Y0 Z0|R1=0|WHILE R1<4|R1=R1+1|X=R1|ENDWHILE": (4, 0, 0),

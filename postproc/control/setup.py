@@ -96,6 +96,14 @@ class Setup(Shown, msgspec.Struct, frozen=True):
     """Siemens: files of definitions of variables that the control has (GUD), by name and text."""
     subprograms: tuple[str, ...] = ()
     """Folders of programs that a program may call, in addition to its own folder."""
+    correction_um: float | None = None
+    """Largest correction that this run may make, um; None for that of the kind of machine."""
+
+    @property
+    def largest_correction_um(self) -> float:
+        """Largest difference between a programmed position and the corrected one, um."""
+        limit_um = self.correction_um
+        return self.machine.priors.largest_correction_um if limit_um is None else limit_um
 
     @property
     def headline(self) -> str:

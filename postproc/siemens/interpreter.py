@@ -41,6 +41,7 @@ from postproc.siemens.modal_state import ModalState, SavedModes
 from postproc.siemens.polar import POLAR
 from postproc.siemens.reading.calls import ends, saves_modes
 from postproc.siemens.reading.definitions import define_all
+from postproc.siemens.reading.positions import Positions
 from postproc.siemens.splines import begin_spline, take_point
 from postproc.siemens.tools import take_functions
 from postproc.siemens.variables import EMPTY, SiemensVariables
@@ -68,6 +69,8 @@ class SiemensInterpreter(Interpreter):
         for name, text in setup.definitions:
             define_all(scope, name, text)
         super().__init__(Channel(notes, ModalState(ControlState(setup)), scope))
+        self._positions = Positions(self.channel)
+        scope.positions = self._positions
         self._saved: list[SavedModes] = []
         """Modes that subprograms with SAVE found, the last one last."""
         self._moved: Block | None = None
@@ -97,16 +100,14 @@ class SiemensInterpreter(Interpreter):
         self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
     ) -> None:
         super()._take_run(index, run, moves, motion, arcs)
-        self.modal.begun = True
+        self.modal.begun, self._positions.beside_contour = True, False
 
     def _read_block(self, index: int, block: Block) -> Block:
         channel, modal = self.channel, self.modal
         self._keep_modes(block)
         self._moved = self._moved_otherwise = None
         if block.kind == "header":
-            if modal.begun:
-                raise block.refuse("the program before this one has no end: write M30, M17 or RET before this block")
-            modal.begun = True
+            self._begin_program(block)
         if block.kind != "words":
             return block
         if modal.ended:
@@ -118,6 +119,7 @@ class SiemensInterpreter(Interpreter):
         take_functions(channel, block, content)
         claimed = self._modes(block, content) if content.g or content.names else None
         corner = self._corner(block, content)
+        self._positions.check(block, content, claimed)
         if content.frames:
             self._change_frame(block, content)
         elif claimed in POLES:
@@ -139,6 +141,11 @@ class SiemensInterpreter(Interpreter):
         self._moved_otherwise = block if _moves_otherwise(content, claimed) else None
         modal.ended = bool(content.m or content.names) and ends(block) and not channel.scope.depth
         return block
+
+    def _begin_program(self, block: Block) -> None:
+        if self.modal.begun:
+            raise block.refuse("the program before this one has no end: write M30, M17 or RET before this block")
+        self.modal.begun = True
 
     def _keep_modes(self, block: Block) -> None:
         """Restore the modes of the caller behind a subprogram with SAVE, and keep them at its beginning."""
@@ -296,6 +303,7 @@ class SiemensInterpreter(Interpreter):
             self._point(block, content, target)
         arc = self._arc(programmed.block, content, target, polar) if kind is Kind.ARC else None
         take_point(channel, block, content, target)
+        self._positions.beside_contour = modal.compensated
         if modal.compensated:
             follow_contour(self.recorder, modal.plane_columns[:2], target, arc)
         channel.move(index, kind, target, programmed.words, arc, divisible=divisible)

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from postproc.siemens.control_data import PARTS, ControlData, chained, fine_translation, translation, unscaled, unturned
 from postproc.text.expressions import (
@@ -21,6 +22,7 @@ from postproc.text.expressions import (
     known_value,
     nearly,
     operations_in,
+    same_when_corrected,
     truth,
 )
 
@@ -147,6 +149,17 @@ MEASURED = frozenset(("$AA_IW", "$AA_IM", "$AA_IB", "$AA_IEN", "$AA_IBN"))
 """Actual positions of an axis, in the coordinates of the workpiece, the machine and between them."""
 
 
+class Positions(Protocol):
+    """The positions of the axes, as a program reads them."""
+
+    def value(self, name: str, indices: tuple[Value, ...]) -> Value:
+        """That of an axis, by the name of a variable of MEASURED and its index; NotKnown where it is not certain."""
+
+    @property
+    def state(self) -> object:
+        """All that a program reads."""
+
+
 @dataclass
 class _Level:
     """The variables of a program, or of a subprogram while it runs."""
@@ -180,6 +193,8 @@ class SiemensVariables:
     """Names of axes outside the chain."""
     basic_unit_is_inch: bool = False
     """Tables of the control are in inches."""
+    positions: Positions | None = None
+    """The positions of the axes; None while no program runs."""
 
     @property
     def depth(self) -> int:
@@ -202,10 +217,9 @@ class SiemensVariables:
         if name in MACHINING and name not in here.kinds:
             return MACHINING[name]
         if name in MEASURED:
-            raise NotKnown(
-                f"{shown} is the position that the control measures, which a correction changes: no coordinate, loop "
-                "or branch can depend on it. Write a number, or count in an R parameter"
-            )
+            if self.positions is None:
+                raise NotKnown(f"{shown} is read from the control while no program runs: write a number")
+            return self.positions.value(name, indices)
         if name.startswith("$"):
             raise NotKnown(f"{shown} belongs to the control, and its value is not known to ncomp: write a number")
         if name in SETTINGS:
@@ -228,6 +242,7 @@ class SiemensVariables:
         if name.startswith(DATA):
             if isinstance(value, NotKnown):
                 raise value
+            value = same_when_corrected(value) if isinstance(value, float) else value
             if self.basic_unit_is_inch:
                 raise NotKnown(
                     f"{name} is in inches on this control, which is not supported: set it before the program"
@@ -252,7 +267,7 @@ class SiemensVariables:
         elif sizes is not None and (len(at) != len(sizes) or any(i >= size for i, size in zip(at, sizes, strict=True))):
             raise NotKnown(f"{_named(name, at)} is no element of {_named(name, sizes)}, as DEF declares it")
         if name != "R" and isinstance(value, float):
-            value = CONVERSIONS.get(here.kinds[name], float)(value)
+            value = _converted(value, here.kinds[name])
         (self.shared if name == "R" else here.values)[name, at] = value
 
     def fill(self, name: str, indices: tuple[Value, ...], values: Sequence[Value | NotKnown | None]) -> None:
@@ -304,8 +319,9 @@ class SiemensVariables:
 
     @property
     def state(self) -> object:
-        """The values of all variables, and the data of the control that the program has set."""
-        return self.shared, self.levels, self.of_control, self.data
+        """The values of all variables, the data of the control that the program has set, and positions it may read."""
+        positions = None if self.positions is None else self.positions.state
+        return self.shared, self.levels, self.of_control, self.data, positions
 
     def forget(self, reason: str) -> None:
         """Mark the R parameters, and the variables of the control, as unknown."""
@@ -344,6 +360,11 @@ class SiemensVariables:
         return ended.arguments
 
 
+def _converted(value: float, kind: str) -> float:
+    """The value as a variable of a type takes it."""
+    return value if kind == "REAL" else CONVERSIONS.get(kind, float)(same_when_corrected(value))
+
+
 def set_by(expression: Expression) -> Iterator[tuple[str, Variable]]:
     """The variables that functions of an expression may set, each with the name of the function."""
     for function in operations_in(expression):
@@ -356,6 +377,7 @@ def _whole_indices(indices: tuple[Value, ...]) -> tuple[int, ...]:
     for index in indices:
         if not isinstance(index, float):
             raise NotKnown(f"{index} is an axis as an index: write a number")
+        same_when_corrected(index)
         if index != int(index) or index < 0.0:
             raise NotKnown(f"{index:g} is no index: write a whole number of 0 or more")
         found.append(int(index))

@@ -6,7 +6,18 @@ from collections.abc import Iterable, Iterator
 
 from postproc.text.block import Block, Word
 from postproc.text.blocks import PlainRun
-from postproc.text.expressions import Constant, Expression, NotKnown, Scope, evaluate, may_be_one, number, variables
+from postproc.text.expressions import (
+    Constant,
+    Expression,
+    NotKnown,
+    Position,
+    Scope,
+    coordinate,
+    evaluate,
+    may_be_one,
+    number,
+    variables,
+)
 from postproc.text.statements import TURNS, Code, Setting, Step, When
 
 FREE = frozenset(("F", "S", "FU", "FZ", "FT"))
@@ -37,11 +48,14 @@ def _with_value(block: Block, word: Word, scope: Scope) -> Word:
     if word.formula is None:
         return word
     try:
-        return word._replace(value=number(word.formula.expression, scope))
+        value = coordinate(word.formula.expression, scope)
     except NotKnown as reason:
         if word.address in FREE:
             return word
         raise block.refuse(f"{block.text[word.at : word.end + word.tail]}: {reason}") from None
+    if isinstance(value, Position) and word.address not in FREE:
+        return word._replace(value=float(value), formula=word.formula._replace(reads=True))
+    return word._replace(value=float(value))
 
 
 def _argument(expression: Expression, scope: Scope) -> Expression:
@@ -49,9 +63,10 @@ def _argument(expression: Expression, scope: Scope) -> Expression:
     if not any(True for _ in variables(expression)):
         return expression
     try:
-        return Constant(evaluate(expression, scope))
+        value = evaluate(expression, scope)
     except NotKnown:
         return expression
+    return expression if isinstance(value, Position) else Constant(value)
 
 
 def _assign(block: Block, steps: Iterable[Step], scope: Scope) -> None:

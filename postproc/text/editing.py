@@ -115,6 +115,8 @@ class WordEditor(msgspec.Struct):
         number = self.rounded(index, value, decimals)
         if word.formula.instead:
             self._write_coordinate(word, number, decimals)
+        elif word.formula.reads:
+            self.edits.append(Edit(word.start, word.end, self.layout.numbers.write(number, decimals)))
         elif number != word.value and word.formula.carrier:
             self._carry(word, number - (word.value or 0.0), max(decimals_of(self._number(word)), decimals))
         elif number != word.value:
@@ -136,7 +138,7 @@ class WordEditor(msgspec.Struct):
         word, counted = self.block.words[index], decimals
         original = word.value or 0.0
         if word.formula is not None:
-            original = 0.0 if word.formula.instead else original
+            original = 0.0 if word.formula.instead or word.formula.reads else original
             return original + self.agreed(f"shift {index}", round(value - original, decimals), counted)
         decimals = max(decimals_of(self.block.text[word.start : word.end]), decimals)
         number = round(value, decimals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol, TypeAlias
@@ -28,6 +29,25 @@ class NotKnown(Exception):
 
 class Ambiguous(Exception):
     """An expression that controls interpret differently; the reason is its text."""
+
+
+class Position(float):
+    """A position that the program reads from the control, or a number that depends on one; mm.
+
+    The value is that of the program as it stands. A corrected program reads another one, up to `apart` from it.
+    """
+
+    apart: float
+
+    def __new__(cls, value: float, apart: float) -> Position:
+        """The value, and the difference that a correction may make."""
+        made = super().__new__(cls, value)
+        made.apart = apart
+        return made
+
+    def __getnewargs__(self) -> tuple[float, float]:  # type: ignore[override]
+        """The arguments of a copy."""
+        return float(self), self.apart
 
 
 class Constant(NamedTuple):
@@ -67,6 +87,8 @@ class Formula(NamedTuple):
     """A word that cannot hold a sum: a variable of ncomp's own takes it, in a block before."""
     instead: bool = False
     """A word that determines the coordinate indirectly, such as an angle: the coordinate replaces it."""
+    reads: bool = False
+    """A word whose value depends on a position of the control, which a correction changes: a number replaces it."""
 
     def plus(self, text: str, shift: str) -> str:
         """The text of a word with a signed number added."""
@@ -116,10 +138,26 @@ def _value(expression: Expression, scope: Scope) -> Value:
         raise NotKnown(f"{expression.name} is not known to ncomp")
     try:
         value = operation(*values)
+        if any(isinstance(operand, Position) for operand in values):
+            value = _of_positions(value, operation, values)
     except (ArithmeticError, TypeError, ValueError):
         operands = ", ".join(f"{value:g}" if isinstance(value, float) else repr(value) for value in values)
         raise NotKnown(f"{expression.name} has no value for {operands}: correct the formula") from None
     return _finite(value, expression.name)
+
+
+def _of_positions(value: Value, operation: Callable[..., Value], operands: list[Value]) -> Value:
+    """The result of an operation on positions; NotKnown for a text or a comparison that a correction may change."""
+    ends = [(v - v.apart, v + v.apart) if isinstance(v, Position) else (v,) for v in operands]
+    others = [operation(*corner) for corner in itertools.product(*ends)]
+    if all(type(other) is type(value) and other == value for other in others):
+        return value
+    if isinstance(value, str) or operation in COMPARISONS.values():
+        raise NotKnown(
+            "a position that the program reads is too close to the value at which the program goes on in another way, "
+            "and a correction may change it: compare it with a value between two positions"
+        )
+    return Position(value, max(abs(float(other) - value) for other in others))
 
 
 def _finite(value: Value, name: str) -> Value:
@@ -129,7 +167,22 @@ def _finite(value: Value, name: str) -> Value:
 
 
 def number(expression: Expression, scope: Scope) -> float:
-    """The value of an expression that has to be a number."""
+    """The value of an expression that has to be a number, the same in a corrected program."""
+    return same_when_corrected(coordinate(expression, scope))
+
+
+def same_when_corrected(value: float) -> float:
+    """The value; NotKnown for a position that the program reads."""
+    if isinstance(value, Position):
+        raise NotKnown(
+            "it depends on a position that the program reads from the control, which a correction changes: only X, Y "
+            "and Z of a move, and comparisons, can depend on it. Write a number"
+        )
+    return value
+
+
+def coordinate(expression: Expression, scope: Scope) -> float:
+    """The value of an expression that has to be a number, perhaps one that depends on a Position."""
     value = evaluate(expression, scope)
     if not isinstance(value, float):
         raise NotKnown("it is empty: give it a value before this block" if value == "" else f"{value!r} is no number")

@@ -18,7 +18,7 @@ from postproc.text.blocks import PlainRun
 from postproc.text.branches import StructureSteps
 from postproc.text.calls.listing import Files, Listing, OneFile, Passed
 from postproc.text.calls.repetition import Repetition
-from postproc.text.expressions import Expression, NotKnown, Scope, Value, evaluate, number, whole
+from postproc.text.expressions import Expression, NotKnown, Scope, Value, evaluate, number, same_when_corrected, whole
 from postproc.text.statements import (
     Call,
     EndModal,
@@ -236,6 +236,8 @@ class Flow:
 
     def _select(self, at: int, block: Block, step: Select) -> int | None:
         value = evaluate(step.value, self.scope)
+        if isinstance(value, float):
+            value = same_when_corrected(value)
         same = (jump for case, jump in step.cases if evaluate(case, self.scope) == value)
         chosen = next(same, step.default)
         return None if chosen is None else self._jump(at, block, chosen)

@@ -20,6 +20,8 @@ from postproc.motion.moves import Kind
 from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, HEAD_SIZE, Source
 
+ANYWHERE_UM = 1e12
+"""More than any coordinate: a conversion gives positions numbers of its own."""
 SAME = 1e-6
 """Largest difference of equal positions, mm and rad."""
 
@@ -48,7 +50,9 @@ def setup_of_output(job: Job) -> Setup:
 
 def setup_of_input(job: Job) -> Setup:
     """The set-up with which the control reads the original."""
-    return setups_of(job.setup, [job.tcp] if job.tcp else [])[0]
+    setup = setups_of(job.setup, [job.tcp] if job.tcp else [])[0]
+    limit_um = ANYWHERE_UM if job.tcp else job.max_correction_um
+    return setup if limit_um is None else msgspec.structs.replace(setup, correction_um=limit_um)
 
 
 class ReadBack:
