@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 from support.evidence.page import PAGE as FILE
-from support.evidence.page import SOURCES, referees, rows_of, stated
+from support.evidence.page import READ, SOURCES, recorded, rows_of, stated
 
-from tests.fuzz.figures import sums
+from tests.fuzz.figures import PROGRAMS, READERS, sums
+from tests.fuzz.guided import kinds
 
 PAGE = stated()
 
@@ -24,6 +25,11 @@ def test_as_many_digits_agree_as_the_page_states(name):
     assert {key: value for key, value in found.items() if value < PAGE[name][key]} == {}
 
 
-def test_the_page_has_the_recorded_runs_of_the_referees():
-    assert f"<!-- referees -->\n\n{referees()}\n" in FILE.read_text()
-    assert all(figures.compared for figures in sums().values())
+@pytest.mark.parametrize("name", ["referees", "readers"])
+def test_the_page_has_the_recorded_runs(name):
+    assert f"<!-- {name} -->\n\n{recorded()[name]}\n" in FILE.read_text()
+
+
+def test_every_examiner_has_compared_and_every_reader_has_a_name():
+    assert all(figures.compared for file in (PROGRAMS, READERS) for figures in sums(file).values())
+    assert READ.keys() == set(kinds())

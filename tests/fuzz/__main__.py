@@ -7,7 +7,7 @@ import sys
 
 from tests.fuzz import EXAMINERS
 from tests.fuzz.case import examiner
-from tests.fuzz.figures import record
+from tests.fuzz.figures import PROGRAMS, record
 from tests.fuzz.runner import run
 
 
@@ -27,7 +27,7 @@ def main() -> int:
         count = run(name, min(most, given.programs), given.seed, given.jobs)
         print(f"\r{name}, seed {given.seed}: {count.text()}", flush=True)
         if given.record:
-            record(name, given.seed, count)
+            record(PROGRAMS, name, given.seed, count.figures())
         differences += count.differences.total()
     return int(differences > 0)
 

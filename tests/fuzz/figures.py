@@ -1,4 +1,7 @@
-"""Figures of runs of the fuzzers, kept in `figures.csv`: a line for each examiner and seed, the newest run of both."""
+"""Figures of runs of the fuzzers: a line for each examiner or reader and seed, the newest run of both.
+
+`figures.csv` has those of `python -m tests.fuzz`, `readers.csv` those of `python -m tests.fuzz.guided`.
+"""
 
 from __future__ import annotations
 
@@ -7,43 +10,42 @@ from collections import defaultdict
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.fuzz.runner import Count
-
-FILE = Path(__file__).with_name("figures.csv")
-HEAD = ("examiner", "seed", "programs", "compared", "refused", "differences")
+PROGRAMS = Path(__file__).with_name("figures.csv")
+READERS = Path(__file__).with_name("readers.csv")
 
 
 class Figures(NamedTuple):
-    """Numbers of programs."""
+    """Numbers of programs or files."""
 
-    programs: int
+    inputs: int
     compared: int
+    """Of a reader: read."""
     refused: int
     differences: int
+    """Of a reader: neither read nor refused in words."""
 
 
-def record(name: str, seed: int, count: Count) -> None:
-    """Enter a run in the place of an earlier one of this examiner with this seed."""
-    rows = _rows()
-    figures = Figures(count.programs, count.compared, count.refused.total(), count.differences.total())
+def record(file: Path, name: str, seed: int, figures: Figures) -> None:
+    """Enter a run in the place of an earlier one of this name with this seed."""
+    rows = _rows(file)
     rows[name, seed] = figures
-    with FILE.open("w", encoding="ascii", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEAD)
+    with file.open("w", encoding="ascii", newline="") as out:
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(("name", "seed", *Figures._fields))
         writer.writerows([*key, *rows[key]] for key in sorted(rows))
 
 
-def sums() -> dict[str, Figures]:
-    """All runs of each examiner together."""
+def sums(file: Path) -> dict[str, Figures]:
+    """All runs of each name together."""
     found: dict[str, list[Figures]] = defaultdict(list)
-    for (name, _), figures in _rows().items():
+    for (name, _), figures in _rows(file).items():
         found[name].append(figures)
     return {name: Figures(*map(sum, zip(*each, strict=True))) for name, each in found.items()}
 
 
-def _rows() -> dict[tuple[str, int], Figures]:
-    if not FILE.exists():
+def _rows(file: Path) -> dict[tuple[str, int], Figures]:
+    if not file.exists():
         return {}
-    with FILE.open(encoding="ascii", newline="") as file:
-        _, *rows = csv.reader(file)
+    with file.open(encoding="ascii", newline="") as lines:
+        _, *rows = csv.reader(lines)
     return {(row[0], int(row[1])): Figures(*map(int, row[2:])) for row in rows}

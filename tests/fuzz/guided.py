@@ -24,6 +24,7 @@ from types import SimpleNamespace
 from typing import cast
 
 from tests.fuzz.case import Case, Examiner, Outcome, Verdict, save
+from tests.fuzz.figures import READERS, Figures, record
 from tests.fuzz.mutate import files_changes, mutated
 
 PACKAGES = ("calibration", "grammars", "history", "kinematics", "machines", "postproc", "ncomp")
@@ -135,6 +136,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="longest time for each reader")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--here", action="store_true", help="in this process: one reader, figures as JSON")
+    parser.add_argument("--record", action="store_true", help="enter the figures in readers.csv, for the evidence page")
     given = parser.parse_args()
     if given.here:
         fuzz(given.kinds[0], given.inputs, given.seconds, given.seed)
@@ -151,6 +153,8 @@ def main() -> int:
             continue
         found = json.loads(lines[-1])
         other = sum(found["failures"].values())
+        if given.record:
+            record(READERS, kind, given.seed, Figures(found["inputs"], found["read"], found["refused"], other))
         failed, total = failed + other, total + found["inputs"]
         print(f"| {kind} | {found['inputs']} | {found['read']} | {found['refused']} | {other} |", flush=True)
         for failure, number in found["failures"].items():

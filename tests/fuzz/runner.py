@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.fuzz.case import Case, Examiner, Outcome, Verdict, examiner, save
+from tests.fuzz.figures import Figures
 from tests.fuzz.shrink import shrink
 
 SECONDS = 60
@@ -45,6 +46,10 @@ class Count:
                 self.refused[outcome.text] += 1
             case Verdict.DIFFERS:
                 self.differences[outcome.kind] += 1
+
+    def figures(self) -> Figures:
+        """The figures, without their classes."""
+        return Figures(self.programs, self.compared, self.refused.total(), self.differences.total())
 
     def line(self) -> str:
         """The figures in one line."""

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from support.evidence.digits import Agreement
-from tests.fuzz.figures import sums
+from tests.fuzz.figures import PROGRAMS, READERS, sums
 
 PAGE = Path(__file__).parents[3] / "docs" / "evidence.md"
 SOURCES = {"least squares": "strd", "elements": "null_space", "uncertainties": "gum", "worked examples": "worked"}
@@ -36,7 +36,15 @@ REFEREES = {
     ),
 }
 """Who runs a program and its correction, in which dialect, and what is drawn, by the examiner's name."""
-FIGURES = re.compile(r"<!-- referees -->\n\n(?:\|.*\n)+")
+READ = {
+    "NC iso": "NC iso", "NC siemens": "NC siemens", "NC heidenhain": "NC heidenhain", "machine": "machine",
+    "calibration": "calibration", "map": "map of columns", "plan": "plan", "points": "points",
+    "log": "log of temperatures", "height-map": "height map", "touches": "log of touches", "study": "study",
+    "continuous": "continuous runs", "etalon": "errors of Etalon", "data": "measurements", "iso230": "`ncomp iso230`",
+    "import": "tables of controls", "tools": "tables of tools", "fit": "measurements, and a fit",
+}  # fmt: skip
+"""What a reader reads, by its name in `python -m tests.fuzz.guided`."""
+RECORDED = re.compile(r"<!-- (?P<name>referees|readers) -->\n\n(?:\|.*\n)+")
 HEAD = "| reference | through | figure | digits |\n|---|---|---|---|\n"
 
 
@@ -57,13 +65,26 @@ def stated() -> dict[str, dict[tuple[str, str, str], int]]:
 
 def renewed(page: str) -> str:
     """The page with tables of what ncomp computes now, and of the recorded runs of the referees."""
-    page = FIGURES.sub(f"<!-- referees -->\n\n{referees()}", page)
+    page = RECORDED.sub(lambda each: f"<!-- {each['name']} -->\n\n{recorded()[each['name']]}", page)
     return TABLE.sub(lambda each: f"<!-- digits: {each['name']} -->\n\n{_table(rows_of(each['name']))}", page)
 
 
-def referees() -> str:
-    """The table of the referees, from the recorded runs."""
-    found, lines = sums(), ["| referee | dialect | drawn | programs | compared | refused | differences | examiner |"]
+def recorded() -> dict[str, str]:
+    """The tables of the recorded runs, by their marks."""
+    return {"referees": _referees(), "readers": _readers()}
+
+
+def _readers() -> str:
+    found, lines = sums(READERS), ["| reader | inputs | read | refused in words | other |", "|---|---|---|---|---|"]
+    lines += [f"| {' | '.join([text, *map(str, found[name])])} |" for name, text in READ.items() if name in found]
+    return "\n".join([*lines, ""])
+
+
+def _referees() -> str:
+    found, lines = (
+        sums(PROGRAMS),
+        ["| referee | dialect | drawn | programs | compared | refused | differences | examiner |"],
+    )
     lines.append("|---|---|---|---|---|---|---|---|")
     for name, (who, dialect, drawn) in REFEREES.items():
         if name in found:
