@@ -22,7 +22,7 @@ from tests.fuzz.shrink import shrink
 
 FILES = sorted(FOUND.glob("*/*.json"))
 PROGRAMS, EXAM_PROGRAMS = 40, 200
-NEEDS_LINUXCNC = ("linuxcnc", "play")
+NEEDS_LINUXCNC = ("linuxcnc", "linuxcnc_files", "play")
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,8 @@ from tests.fuzz.ncomp import corrected_set
 from tests.fuzz.refereed import calibration, machine_text, options_of
 from tests.referees.fanuc import Fanuc
 from tests.referees.klartext import Klartext
-from tests.referees.moves import Unclear
+from tests.referees.moves import Move, Unclear
+from tests.referees.siemens import written_out
 
 ORIGIN = dict.fromkeys("XYZ", 0.0)
 
@@ -117,15 +118,36 @@ def test_klartext_arcs(code, middle):
     assert [arc.middle[axis] for axis in "XY"] == pytest.approx(middle, abs=0.11)
 
 
+def test_siemens_writes_out_subprograms_and_cycles():
+    main = 'T1 M6\nSUB1 P2\nCALL "SUB1"\nMCALL CYCLE81(20,1,2,-5)\nG0 X3 Y4\nMCALL\nX9\nM30'
+    hole = ["G0 Z3.0 ;above", "G1 Z-5.0 ;hole", "G0 Z20.0 ;back"]
+    found = written_out({"main.mpf": main, "SUB1.SPF": "G1 X=IC(1)\nM17\n"}, "main.mpf")
+    assert found == ["T1 M6", *["G1 X=IC(1)"] * 3, "G0 X3 Y4", *hole, "X9", "M30"]
+
+
+def test_the_middle_of_an_arc_by_its_radius_moves_the_more_the_nearer_it_is_to_half_a_turn():
+    start = Move("line", {"X": 0.0, "Y": 0.0, "Z": 0.0}, 0.0)
+
+    def limit(height):  # over a chord of 20 mm
+        middle = {"X": 10.0, "Y": height, "Z": 0.0}
+        return refereed._middle_um(start, Move("arc", {"X": 20.0, "Y": 0.0, "Z": 0.0}, 0.0, middle=middle), 0.4)
+
+    assert limit(0.5) == pytest.approx(0.5 + 0.4 + 2 * 0.4 * 0.1, rel=0.01)  # nearly straight
+    assert limit(9.0) == pytest.approx(0.5 + 0.4 + 2 * 0.4 * 10 / 1.0556, rel=0.01)  # 10.0556 - 9 over the chord
+    assert limit(10.0) > 80
+
+
+ISO = "G21 G90 G17 G94 G54\nT1 M6\nG0 G43 H1 X1. Y2. Z30.\nG1 X20. F500.\nG2 X30. Y12. I10. J0.\nG1 Y5.\nM30\n"
 PROGRAMS = {
-    "fanuc": "G21 G90 G17 G94 G54\nT1 M6\nG0 G43 H1 X1. Y2. Z30.\nG1 X20. F500.\nG2 X30. Y12. I10. J0.\nG1 Y5.\nM30\n",
+    "fanuc": ISO,
+    "linuxcnc_files": ISO,
     "klartext": "BEGIN PGM A MM\nTOOL CALL 1 Z\nL X+1 Y+2 Z+30 FMAX\nL X+20 F500\nCC X+30 Y+2\nC X+30 Y+12 DR-\nL Y+5\nEND PGM A MM\n",
     "siemens": "G17 G90 G71 G94 G54\nT1 M6 D1\nG0 X1 Y2 Z30\nG1 X20 F500\nG2 X30 Y12 I10 J0\nG1 Y5\nM30\n",
 }
 
 
 SPOILT = [
-    (r"20(?=\.\d*.* F500)", "21", {"end of line"}),
+    (r"20(?=\.\d*.* F500)", "21", {"end of line", "unclear"}),  # LinuxCNC refuses the arc then
     (r"F500", "F600", {"feed"}),
     (r"\n(G1|L) Y.*", "", {"order of moves"}),
     (r"G2 |DR-", lambda found: {"G2 ": "G3 ", "DR-": "DR+"}[found[0]], {"middle of an arc", "end of arc"}),
@@ -136,15 +158,20 @@ SPOILT = [
     ("name", "old", "new", "kind"),
     [(name, *each) for name in PROGRAMS for each in SPOILT[: 3 if name == "siemens" else 4]],  # it gives no centres
 )
-def test_what_is_spoilt_differs(name, old, new, kind, monkeypatch):
+def test_what_is_spoilt_differs(name, old, new, kind, monkeypatch, request):
+    if name == "linuxcnc_files":
+        request.getfixturevalue("linuxcnc")
     if name == "siemens" and not nc_gcode.available():
         pytest.skip("nc-gcode-interpreter is not here: .ci/run makes .nc_gcode")
     module = examiner(name)
     case = module.draw(0)
     rng = refereed.random.Random(1)
-    names = {"fanuc": "G54", "klartext": "0", "siemens": "G54"}[name]
-    case = replace(case, program=PROGRAMS[name], machine=machine_text("gantry", 'family = "fanuc"' * (name == "fanuc")),
-                   calibration=calibration("gantry", rng, slopes=False), options=options_of(rng, "gantry", (names,), unroll=False), files={})  # fmt: skip
+    offset, control = (
+        "0" if name == "klartext" else "G54",
+        f'family = "{name.partition("_")[0]}"' * (PROGRAMS[name] == ISO),
+    )
+    case = replace(case, program=PROGRAMS[name], machine=machine_text("gantry", control),
+                   calibration=calibration("gantry", rng, slopes=False), options=options_of(rng, "gantry", (offset,), unroll=False), files={})  # fmt: skip
     assert module.judge(case) == Outcome(Verdict.COMPARED)
     run, written = corrected_set(case)
     spoilt = re.sub(old, new, run.text)

@@ -8,6 +8,7 @@ finds is shrunk and written to `found/EXAMINER/`, from where `tests/test_fuzz.py
 
 EXAMINERS: tuple[str, ...] = (
     "linuxcnc",
+    "linuxcnc_files",
     "play",
     "drives",
     "mutated_programs",

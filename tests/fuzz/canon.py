@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,6 +53,8 @@ class Environment:
 
     work_offsets: Mapping[str, Sequence[float]]
     tools: Mapping[int, tuple[float, float]]
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Other programs, which are called, by file name."""
 
 
 class RefusedError(Exception):
@@ -72,7 +74,8 @@ def calls(text: str, environment: Environment) -> list[Call]:
     """All canonical calls of a program; RefusedError with the message where LinuxCNC refuses it."""
     with tempfile.TemporaryDirectory(prefix="ncomp-fuzz-rs274-") as folder:
         place = Path(folder)
-        (place / "program.ngc").write_bytes(text.encode("latin-1"))
+        for name, content in {"program.ngc": text, **environment.files}.items():
+            (place / name).write_bytes(content.encode("latin-1"))
         printed = _printed(place, environment)
         _write_tables(place, environment, 1.0)
         exact = _server().moves(place)

@@ -33,7 +33,7 @@ def draw(seed: int) -> Case:
 
 def judge(case: Case) -> Outcome:
     """Correct, and run both."""
-    return refereed.examine(case, run, depths=False)
+    return refereed.examine(case, run, depths=False, between=True)
 
 
 def run(texts: Mapping[str, str], case: Case) -> list[Move]:

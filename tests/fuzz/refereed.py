@@ -29,10 +29,12 @@ END_UM = 0.4
 """Largest distance of the tool point at the end of a move: the last digits of its words."""
 AGAIN_UM = 0.5
 """More than that where one text stands for blocks that run several times."""
-MIDDLE_UM = 100.0
-"""Largest distance in the middle of an arc, under a constant error: the last digits of a radius count many times."""
+RADIUS_UM = 0.5
+"""Largest distance of the middle of an arc by the last digit of its radius: ncomp writes its centre beyond that."""
 ROUGH_UM = 12_000.0
 """Largest distance at the approaches of holes and in the middle of arcs, under errors that are slopes."""
+HOLE = ("above", "hole", "back")
+"""Kinds of the moves of a cycle."""
 SAME_MM = 1e-7
 """Difference of two positions that is rounding."""
 FEED = 2e-3
@@ -107,10 +109,11 @@ def _empty(machine: str) -> dict[str, Any]:
     return dict(json.loads(encode_model(no_errors(_machine(machine)))))
 
 
-def examine(case: Case, run: Run, *, depths: bool = True) -> Outcome:
+def examine(case: Case, run: Run, *, depths: bool = True, between: bool = False) -> Outcome:
     """Correct by the command line, and run both by the interpreter.
 
-    depths: blocks of holes have words of their depth, which are corrected; otherwise the holes stay as deep as they are.
+    depths: blocks of holes have words of their depth, which are corrected; otherwise the holes stay as deep as they are,
+    and with `between` the rapids from hole to hole as high as they are.
     """
     texts = {case.name: case.program} | dict(case.files)
     try:
@@ -126,7 +129,7 @@ def examine(case: Case, run: Run, *, depths: bool = True) -> Outcome:
         after = joined(run(texts | written, case))
     except (Unclear, StopIteration, KeyError) as fault:
         return Outcome(Verdict.DIFFERS, f"unclear: {fault!r}\n{_shown(written)}")
-    fault = _fault(case, before, after, depths=depths)
+    fault = _fault(case, before, after, depths=depths, between=between)
     return Outcome(Verdict.DIFFERS, f"{fault}\n{_shown(written)}") if fault else Outcome(Verdict.COMPARED)
 
 
@@ -134,13 +137,14 @@ def _shown(written: Mapping[str, str]) -> str:
     return "\n".join(f"--- {name}\n{text}" for name, text in written.items())
 
 
-def _fault(case: Case, before: list[Move], after: list[Move], *, depths: bool) -> str:
+def _fault(case: Case, before: list[Move], after: list[Move], *, depths: bool, between: bool) -> str:
     if [move.kind for move in before] != [move.kind for move in after]:
         return f"order of moves: {len(before)} moves, {len(after)} of the correction"
     chain, effects = _chain(shipped(case)), json.loads(case.calibration)["effects"]
     constant = all(effect["basis"]["degree"] == 0 for effect in effects)
     tolerance = float(case.options[case.options.index("--tolerance-um") + 1])
     limit = END_UM + (0.0 if "--unroll" in case.options else AGAIN_UM)
+    start, start_off = Move("rapid", {}, 0.0), 0.0
     for i, (programmed, written) in enumerate(zip(before, after, strict=True), 1):
         if programmed.kind == "machine":
             if any(abs(programmed.end[axis] - written.end[axis]) > 1e-9 for axis in programmed.named):
@@ -148,19 +152,21 @@ def _fault(case: Case, before: list[Move], after: list[Move], *, depths: bool) -
             continue
         if any(math.isnan(value) for value in programmed.end.values()):
             continue  # an axis that the program has not placed
-        hole = _at_a_hole(before, i - 1)
+        hole = _at_a_hole(before, i - 1) if depths or between else programmed.kind in HOLE
         if hole and not depths and programmed.end["Z"] != written.end["Z"]:
             return f"depth: move {i} ends at Z {written.end['Z']} instead of {programmed.end['Z']}"
-        off = _off(chain, effects, programmed, written, flat=hole and not depths)
+        end_off = _off(chain, effects, programmed, written, flat=hole and not depths)
         rough = (hole and not (depths and programmed.kind == "hole")) or programmed.repeated
         most = limit + (tolerance if programmed.whole_turn else 0.0)  # in one block it ends where it begins
-        if not off <= (ROUGH_UM if (rough and not constant) or _rotary_alone(before, i - 1) else most):
-            return f"end of {programmed.kind}: move {i} is off by {off:.3f} um at {programmed.end}: {written.end}"
+        if not end_off <= (ROUGH_UM if (rough and not constant) or _rotary_alone(before, i - 1) else most):
+            return f"end of {programmed.kind}: move {i} is off by {end_off:.3f} um at {programmed.end}: {written.end}"
         if programmed.middle and written.middle:
             middles = [move.end | move.middle for move in (programmed, written)]
             off = _off(chain, effects, replace(programmed, end=middles[0]), replace(written, end=middles[1]))
-            if not off <= (MIDDLE_UM if constant else ROUGH_UM):
+            ends_um = max(start_off, end_off)
+            if not off <= (_middle_um(start, programmed, ends_um) if constant else ROUGH_UM):
                 return f"middle of an arc: move {i} is off by {off:.3f} um at {middles}"
+        start, start_off = programmed, end_off
         if (
             programmed.feed[0] != written.feed[0]
             or abs(programmed.feed[1] - written.feed[1]) > FEED * programmed.feed[1]
@@ -173,7 +179,7 @@ def _at_a_hole(moves: list[Move], i: int) -> bool:
     """True of the moves of a cycle, and of those from hole to hole at the height at which it has left the tool."""
     while i and moves[i].kind == "rapid" and _same(moves[i], moves[i - 1], "Z"):
         i -= 1
-    return moves[i].kind in {"above", "hole", "back"}
+    return moves[i].kind in HOLE
 
 
 def _same(move: Move, other: Move, axes: str) -> bool:
@@ -184,6 +190,21 @@ def _rotary_alone(moves: list[Move], i: int) -> bool:
     """True of a feed move of rotary axes alone, in which the linear axes stay: with them F would be another speed."""
     move, last = moves[i], moves[max(i - 1, 0)]
     return move.kind == "line" and move.feed[0] == "minute" and _same(move, last, "XYZ")
+
+
+def _middle_um(start: Move, arc: Move, ends_um: float) -> float:
+    """Largest distance, um, of the middle of an arc under a constant error, whose ends are off by up to `ends_um`.
+
+    It moves as they do, and an arc by its radius gets lower where they go apart, the faster the nearer it is to half a
+    turn: its height over the chord c is r - sqrt(r^2 - c^2 / 4).
+    """
+    plane = list(arc.middle)[:2]
+    first, last, middle = (np.array([at[axis] for axis in plane]) for at in (start.end, arc.end, arc.middle))
+    half, over = math.dist(first, last) / 2, math.dist(middle, (first + last) / 2)
+    apart = ends_um / 1e3
+    radius = (over + half * half / over) / 2
+    heights = [math.sqrt(max(radius * radius - each * each, 0.0)) for each in (half - apart, half, half + apart)]
+    return RADIUS_UM + ends_um + 1e3 * (heights[0] - heights[2])
 
 
 def _off(chain: Any, effects: list[dict[str, Any]], programmed: Move, written: Move, *, flat: bool = False) -> float:

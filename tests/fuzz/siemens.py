@@ -1,4 +1,4 @@
-"""Examiner: Siemens programs with variables, loops, branches and frames, by nc-gcode-interpreter."""
+"""Examiner: Siemens programs with variables, loops, frames, subprograms and cycles, by nc-gcode-interpreter."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ def draw(seed: int) -> Case:
     """A program; the machines take turns."""
     rng = random.Random(seed)
     machine, slopes = MACHINES[seed % len(MACHINES)], rng.random() < 0.5
-    text = Program(rng, rotary_of(machine)).text()
+    text, files = Program(rng, rotary_of(machine)).texts()
     options = options_of(rng, machine, OFFSETS, unroll=slopes or rng.random() < 0.3)
     errors = calibration(machine, rng, slopes=slopes)
-    return Case(text, "main.mpf", machine_text(machine, "tool_change_moves = []"), errors, options)
+    return Case(text, "main.mpf", machine_text(machine, "tool_change_moves = []"), errors, options, files)
 
 
 def judge(case: Case) -> Outcome:
     """Correct, and run both."""
     if not nc_gcode.available():
         return Outcome(Verdict.REFUSED, "nc-gcode-interpreter is not here: .ci/run makes .nc_gcode")
-    return refereed.examine(case, run)
+    return refereed.examine(case, run, depths=False)
 
 
 def run(texts: Mapping[str, str], case: Case) -> list[Move]:
     """The moves by the interpreter."""
     try:
-        return siemens.run(texts[case.name], offsets_of(case), LENGTHS, rotary_of(shipped(case)))
+        return siemens.run(texts, case.name, offsets_of(case), LENGTHS, rotary_of(shipped(case)))
     except nc_gcode.RefusedError as refusal:
         raise Unclear(str(refusal)) from None
 
@@ -52,20 +52,22 @@ class Program(Words):
     def __init__(self, rng: random.Random, rotary: str) -> None:
         super().__init__(rng, rotary)
         self.numbers = iter(range(1, 300))
+        self.files: dict[str, str] = {}
         self.names = iter(f"V{chr(65 + i // 26)}{chr(65 + i % 26)}" for i in range(600))
 
-    def text(self) -> str:
-        """All of it; variables are declared at its beginning."""
+    def texts(self) -> tuple[str, dict[str, str]]:
+        """The main program, and its subprograms by file name."""
         lines = [*self.tool(), *self.statements(self.rng.randint(3, 9), 0)]
-        return "\n".join(["G17 G90 G71 G94 G54", *lines, "M30", ""])
+        return "\n".join(["G17 G90 G71 G94 G54", *lines, "M30", ""]), self.files
 
     def statements(self, number: int, level: int) -> list[str]:
         """Some statements; `level` counts those around them."""
         kinds: list[Callable[[int], list[str]]] = [
             self.moves, self.moves, self.arcs, self.arcs, self.increments, self.inverse_time, self.formulas,
+            self.holes,
         ]  # fmt: skip
         kinds += [self.rotary_moves] if self.rotary else []
-        kinds += [self.loop, self.loop, self.branch] if level < 2 else []
+        kinds += [self.loop, self.loop, self.branch, self.subprogram, self.subprogram] if level < 2 else []
         if level == 0:
             kinds += [self.offset, self.frame, self.frame_in_a_loop, lambda _: self.tool()]
             kinds += [self.tool_point] if self.rotary else []
@@ -132,6 +134,24 @@ class Program(Words):
             f"G1 {self.places(self.some('XYZ' + self.rotary))} {self.feed()}" for _ in range(self.rng.randint(1, 4))
         ]
         return [*lines, "TRAFOOF", self.place()]
+
+    def holes(self, _: int) -> list[str]:
+        """A cycle at each of some positions."""
+        level, clear, depth = self.rng.uniform(20, 60), self.rng.choice((0, 2, 3.5)), self.rng.uniform(-20, -1)
+        code, more = self.rng.choice(((81, ""), (82, ",0,0.5"), (85, ",0,0.1,100,300")))
+        lines = [f"G0 {self.places('XY')} Z{level:.3f}", f"MCALL CYCLE{code}({level:.3f},0,{clear},{depth:.3f}{more})"]
+        lines += [
+            f"G0 {self.word('X', self.far())} {self.word('Y', self.far())}" for _ in range(self.rng.randint(1, 3))
+        ]
+        return [self.feed(), *lines, "MCALL", self.place()]
+
+    def subprogram(self, level: int) -> list[str]:
+        """In a file of its own, which is called once or several times."""
+        name = f"SUB{next(self.numbers)}"
+        lines = [self.place(), *self.statements(self.rng.randint(1, 2), level + 1)]
+        self.files[f"{name}.SPF"] = "\n".join([*lines, self.rng.choice(("M17", "RET")), ""])
+        call = self.rng.choice((name, name, f'CALL "{name}"', f"{name} P{self.rng.randint(1, 3)}"))
+        return [call, *([self.place(), name] if self.rng.random() < 0.3 else []), self.place()]
 
     def offset(self, level: int) -> list[str]:
         name = self.rng.choice(OFFSETS)

@@ -36,7 +36,7 @@ class Move:
     feed: tuple[str, float] = ("", 0.0)
     """Word of the feed, mm/min or 1/min, with its mode."""
     middle: Point = field(default_factory=dict)
-    """X Y Z in the middle of an arc."""
+    """In the middle of an arc: first, second and normal axis of its plane."""
     named: str = ""
     """Axes of a move to machine coordinates."""
     repeated: bool = False

@@ -15,6 +15,7 @@ SOURCES = {"least squares": "strd", "elements": "null_space", "uncertainties": "
 TABLE = re.compile(r"<!-- digits: (?P<name>[a-z ]+) -->\n\n(?P<table>(?:\|.*\n)+)")
 REFEREES = {
     "linuxcnc": ("LinuxCNC 2.9's interpreter", "ISO", "programs of every construct, contours, cycles, offsets"),
+    "linuxcnc_files": ("LinuxCNC 2.9's interpreter", "ISO", "several files, five axes, G93, G10 in loops, cycles"),
     "play": ("LinuxCNC 2.9's interpreter", "ISO", "machines with backlash: turning points, take-up moves"),
     "simulator": ("LinuxCNC 2.9's simulator", "ISO", "its axes beside its interpreter, on which the first two rely"),
     "fanuc": ("`tests/referees/fanuc.py`", "FANUC", "macros, files, G93, five axes, G43.4, cycles, G10 in loops"),
@@ -23,7 +24,7 @@ REFEREES = {
         "Klartext",
         "labels, files, parameters, five axes, M128, cycles, datums",
     ),
-    "siemens": ("nc-gcode-interpreter 0.2.8 (CEAD)", "Siemens", "variables, loops, frames, G93, five axes, TRAORI"),
+    "siemens": ("nc-gcode-interpreter 0.2.8 (CEAD)", "Siemens", "loops, files, frames, G93, five axes, TRAORI, cycles"),
     "drives": (
         "`tests/fuzz/drives.py`, `tests/virtual_machine`",
         "all three",
