@@ -67,6 +67,14 @@ def probe(x, y, heights) -> str:
     return "\n".join(rows)
 
 
+@pytest.mark.parametrize(("end", "accepted"), [(121.8, True), (122.2, False), (118.2, True), (117.8, False)])
+def test_the_ends_that_bcnc_states_are_those_of_the_points_to_a_tenth_of_a_step(ncomp, end, accepted):
+    Path("board.probe").write_text(probe(X, Y, HEIGHTS).replace("0 120 7", f"0 {end} 7", 1))
+    done = ncomp("board.nc", "--machine", "router.toml", "--calibration", "none", *AT, "--height-map", "board.probe")
+    assert (done.status == 0) == accepted, done.shown
+    assert accepted or "board.probe:1: " in done.shown
+
+
 def bilinear(x: float, y: float) -> float:
     """The formula of bCNC's Probe.interpolate, on the grid of 20 mm."""
     i, j = min(int(x // 20), len(X) - 2), min(int(y // 20), len(Y) - 2)

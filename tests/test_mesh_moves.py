@@ -55,13 +55,17 @@ def test_the_sheet_states_the_settings_and_the_limit():
         [1e3 * largest_departure(mesh_of(exported), each) for each in (DEFAULT, FINEST)], abs=0.06
     )
     assert stated[0] > stated[1] > 3.0
+    square = model_of(machine, LocationError("C", "Y", 40.0))
+    assert "Between the ends" not in ncomp.export(machine, "klipper", square).loading
+
+
+def test_the_sheet_of_reprap_states_the_limit():
+    machine, model = bowed(30.0)
     reprap = ncomp.export(machine, "reprap", model)
     assert "split_delta_z" not in reprap.loading
     stated = float(re.search(r"up to ([\d.]+) um", reprap.loading)[1])
     assert stated == pytest.approx(1e3 * largest_departure(mesh_of(reprap), Segments()), abs=0.06)
     assert stated > 0.1
-    square = model_of(machine, LocationError("C", "Y", 40.0))
-    assert "Between the ends" not in ncomp.export(machine, "klipper", square).loading
 
 
 def test_equal_parts_of_about_one_mesh():

@@ -114,6 +114,7 @@ READ = {
     "back to numbers": ("heidenhain", KLARTEXT.format("M126\n", "+355", "+5 M127", "+15"), "", [-5, -355, -345]),
     "increments": ("iso", ISO.format("355.", "5.", "0. G91"), "shortest", [-5, 5, 5]),
     "half a turn": ("iso", ISO.format("0.", "180.", "0."), "shortest", [0, 180, 360]),
+    "half a turn by DC": ("siemens", SIEMENS.format("=DC(0)", "=DC(180)", "DC(0)"), "", [0, 180, 360]),
     "a turn back": ("iso", ISO.format("10.", "350.", "200."), "shortest", [10, -10, -160]),
     "signs": ("iso", ISO.format("90.", "-90.", "10."), "signed", [90, 90, 370]),
 }
