@@ -126,6 +126,30 @@ def test_klartext_in_inches():
     assert positions(program, "heidenhain")[-1] == pytest.approx((25.4, 63.5, -50.8))
 
 
+T30 = math.tan(math.radians(30.0))
+ISO = {
+    # corners that the control breaks
+    "G1 X20. ,C2. F100.|Y20. ,R5.|X0.": (0, 20, 0),
+    "G1 X20. , R 5. F100.|G3 X30. Y10. R10. ,C1.|G1 Y50.": (30, 50, 0),
+    "G91 G1 X20. ,C2. F100.|Y20. ,R5.|X-5.": (15, 20, 0),
+    "G19 G1 Y20. ,C2. F100.|Z20.": (0, 20, 20),
+    # lines by their angle
+    "G1 X30. ,A30. F100.": (30, 30 * T30, 0),
+    "G1 Y30. ,A30. F100.": (30 / T30, 30, 0),
+    "G1 X-30. ,A150. F100.|Y0. ,A-30.": (0, 0, 0),
+    "G1 X10. ,A0. F100.|Y5. ,A90.|X0. ,A180.": (0, 5, 0),
+    "G18|G1 Z30. ,A30. F100.": (30 * T30, 0, 30),
+    "G20|G1 X1. ,A45. F9.": (25.4, 25.4, 0),
+    "G1 X30. ,A30. ,R2. F100.|Y0.": (30, 0, 0),
+}
+
+
+@pytest.mark.parametrize("text", ISO)
+def test_iso(text):
+    program = f"G21 G17 G90 G94 G54|G0 X0. Y0. Z0.|{text}|".replace("|", "\n")
+    assert positions(program, "iso", control={"family": "fanuc"})[-1] == pytest.approx(ISO[text], abs=1e-6)
+
+
 SUBPROGRAM = "%_N_MAIN_MPF|{}|M30|%_N_PART_SPF|{}|M17"
 
 SIEMENS = {

@@ -1,4 +1,4 @@
-"""Corrected Klartext and Siemens programs, reckoned by hand line by line.
+"""Corrected programs of three dialects, reckoned by hand line by line.
 
 The machine is at every position +100, -200, +300 um beside X, Y, Z: the correction is X -0.1 Y +0.2 Z -0.3 in
 machine coordinates, turned, mirrored and scaled as the frame is. A line of a table is `before | after`, a line alone
@@ -21,6 +21,7 @@ from postproc.text.source import ENCODING
 SHIFT_UM = {"X": 100.0, "Y": -200.0, "Z": 300.0}
 HEADS = {
     "heidenhain": "BEGIN PGM A MM\nTOOL CALL 1 Z S1000\nL X+10 Y+10 Z+50 R0 FMAX | L X+9.9000 Y+10.2000 Z+49.7000 R0 FMAX\n",
+    "iso": "G21 G17 G90 G94 G54\nG0 X10. Y10. Z50. | G0 X9.9000 Y10.2000 Z49.7000\n",
     "siemens": "G17 G90 G71 G94\nG0 X10 Y10 Z50 | G0 X9.9000 Y10.2000 Z49.7000\n",
 }
 
@@ -52,7 +53,7 @@ def written(dialect, text, **options):
         **options,
     )
     Pipeline(job).run(out, lambda _: None)
-    return re.sub(r"; NCOMP .*\n", "", out.getvalue().decode(ENCODING), count=1)
+    return re.sub(r"[(;] ?NCOMP .*\n", "", out.getvalue().decode(ENCODING), count=1)
 
 
 def check(dialect, table, **options):
@@ -178,6 +179,19 @@ SIEMENS = {
 @pytest.mark.parametrize("name", SIEMENS)
 def test_siemens(name):
     check("siemens", SIEMENS[name])
+
+
+ISO = {
+    "rounded corners": "G1 X40. ,R2. F500. | G1 X39.9000 ,R2. F500.\nY40. ,C1. | Y40.2000 ,C1.\nX10. | X9.9000",
+    "corners of increments": "G91 G1 X10. ,R2. F500.\nY10.",
+    "a line by its angle": "G1 X40. ,A0. F500. | G1 X39.9000 Y10.2000 F500.\nG1 Y30. ,A45. ,R1. | G1 Y30.2000 X59.9000 ,R1.\nX0. | X-0.1000",
+    "an arc behind a corner": "G1 X40. ,R2. F500. | G1 X39.9000 ,R2. F500.\nG3 Y40. R15. ,C1. | G3 Y40.2000 R15. ,C1.\nG1 X10. | G1 X9.9000",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ISO)
+def test_iso(name):
+    check("iso", ISO[name])
 
 
 SLOPED = {

@@ -223,10 +223,8 @@ def test_skip(text):
         ("TRAORI\n", "is not understood"),
         ("fanuc.nc (FREECAD-FILENAME)\n", "is not understood"),
         ("X1,5\n", "column 3: ',5' is not understood"),
-        ("G1 X10 ,R2\n", ",R2 rounds the corner, which is not corrected: write its moves"),
-        ("N5 G1 X10. ,C2.5 F100\n", ",C2.5 breaks the corner by a chamfer"),
-        ("G1 X10.,C#1\n", ",C#1 breaks the corner by a chamfer"),
-        ("G1 X10. ,A30.\n", ",A30. gives the end of the line by its angle"),
+        ("G1 X10.,C#1\n", ",C#1 breaks the corner by a chamfer, and is corrected as a number only"),
+        ("G1 X10.,A[#1+5]\n", "gives the end of the line by its angle, and is corrected as a number only"),
         ("X1\xa0Y2\n", "is not understood"),
         ("X\xb2\n", "is not understood"),
         # a line end that only some controls see would hide the words behind it in a comment

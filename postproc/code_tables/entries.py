@@ -146,6 +146,8 @@ def iso_entries() -> Iterator[CodeEntry]:
     yield from _numbered("iso", "G", "followed", ISO_FOLLOWED)
     yield from _numbered("iso", "M", "followed", {"subprograms, in the same file or beside it": (98.0, 99.0, 198.0)})
     yield from _numbered("iso", "M", "followed", {"subprograms from a block with a number on (HAAS)": (97.0,)})
+    yield from _named("iso", "followed", {"chamfer, rounding: the corner point is corrected": iso.CORNERS})
+    yield from _named("iso", "followed", {"the angle of a line: the coordinate replaces it": (iso.ANGLE,)})
     yield from _numbered("iso", "G", "passes", {PASSES: iso.HARMLESS_G})
     yield from _numbered("iso", "M", "passes", {PASSES: shared.HARMLESS_M})
     yield from _refused("iso", "G", iso.REFUSED_G)

@@ -22,6 +22,9 @@ WORDS = (
 )
 """Words that the codes of ISO programs need."""
 TRIALS = {
+    ",C": "G1 X1. ,C.1 F100.\nG1 Y1.",
+    ",R": "G1 X1. ,R.1 F100.\nG1 Y1.",
+    ",A": "G1 X1. ,A0. F100.",
     "G53.1": "G68.2 X0 Y0 Z0 I0 J0 K0\nG53.1",
     "G68.2": "G68.2 X0 Y0 Z0 I0 J0 K0\nG53.1",
     "G92.3": "G92 X5.\nG92.2\nG92.3",
@@ -66,7 +69,9 @@ def families_of(entry: CodeEntry) -> tuple[str, ...]:
     """The families of ISO controls in whose programs a code is accepted; all where none changes its meaning."""
     if entry.dialect != "iso" or entry.verdict == "refused":
         return FAMILIES
-    known = tuple(family for family in FAMILIES if not refused_by_family(family, entry.letter, entry.number))
+    known = FAMILIES
+    if entry.letter:
+        known = tuple(family for family in FAMILIES if not refused_by_family(family, entry.letter, entry.number))
     if entry.verdict != "followed" or entry.code in CALLS:
         return known
     blocks = [f"{entry.code} {words}".strip() for words in WORDS]

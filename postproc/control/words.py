@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from postproc.control.codes import LARGEST
 from postproc.text.block import Block, Refusal, Word
+from postproc.text.expressions import Constant, Formula
 
 
 @dataclass(slots=True)
@@ -60,3 +61,13 @@ def refuse_two_of_a_group(block: Block, codes: Iterable[float], groups: Iterable
         both = sorted(present.intersection(group))
         if len(both) > 1:
             raise block.refuse(f"G{both[0]:g} and G{both[1]:g} in one block exclude each other: write one of them")
+
+
+def with_word(block: Block, index: int, word: Word) -> Block:
+    """The block with one word replaced."""
+    return block._replace(words=(*block.words[:index], word, *block.words[index + 1 :]))
+
+
+def given_as(word: Word, address: str, value: float) -> Word:
+    """The word of a coordinate, or of a radius, that replaces it in a corrected block."""
+    return Word(address, value, word.at, word.at, word.end + word.tail, Formula(Constant(value), instead=True))

@@ -1,13 +1,20 @@
-"""Ends of moves of ISO blocks: arcs by R or by I J K, polar coordinates (G16), tool vectors (G43.5)."""
+"""Ends of moves of ISO blocks: arcs by R or by I J K, polar coordinates (G16), tool vectors (G43.5), broken corners
+(,C ,R), lines by their angle (,A)."""
 
 from __future__ import annotations
 
+import math
+
 from postproc.control.arcs import read_arc
 from postproc.control.channel import AxisWords
-from postproc.control.words import whole_of
+from postproc.control.codes import PLANES
+from postproc.control.words import given_as, value_of, whole_of, with_word
 from postproc.iso.channel import Channel
+from postproc.iso.codes import ANGLE, CORNERS
+from postproc.iso.families import ANY, FANUC
 from postproc.iso.modal_state import PolarCoordinates
 from postproc.iso.words import Content
+from postproc.motion.along import other_coordinate
 from postproc.motion.circles import point_around
 from postproc.motion.moves import Arc, AxisWord, Polar
 from postproc.text.block import Block
@@ -83,3 +90,73 @@ def turn_tool(channel: Channel, content: Content, target: list[float], words: Ax
         target[axis] = value
     channel.no_insertion = True
     return [(AxisWord(axis, -1, True), value) for axis, value in positions.items()]
+
+
+# ---- broken corners, and lines by their angle
+
+CORNER_MOTIONS = (1.0, 2.0, 3.0)
+"""The moves between which FANUC breaks a corner."""
+BY_ANGLE = (
+    "the angle of a line (,A) is followed in G1 and G90 beside one coordinate of the plane: write both coordinates "
+    "instead of it"
+)
+
+
+def check_corner(channel: Channel, content: Content, claimed: float | None) -> None:
+    """Take over a chamfer or rounding behind this block; Refusal where it, or one before the block, is no corner.
+
+    The corner is between two moves in the plane of G17 to G19. Their ends are corrected in the plane, and not across
+    it, where FANUC allows no coordinate.
+    """
+    modal, block = channel.modal, content.block
+    names = content.names.keys() & (CORNERS | {ANGLE})
+    if names and channel.family not in (ANY, FANUC):
+        raise content.refuse(f"{min(names)} is no word of {channel.family}: write the moves of the corner or line")
+    here, before = sorted(names & CORNERS), modal.cornered
+    modal.cornered = bool(here)
+    moves = claimed is None and content.axes and modal.motion in CORNER_MOTIONS and modal.cycle is None
+    if ANGLE in names and not moves:
+        raise content.refuse(BY_ANGLE)
+    if not (here or before):
+        return
+    if len(here) > 1:
+        raise content.refuse("the corner has a chamfer and a rounding: write ,C or ,R")
+    plane = {modal.plane[0], modal.plane[1]}
+    strange = [block.words[i].address for i in content.axes if block.words[i].address not in plane]
+    if not moves or strange or modal.polar is not None or modal.tilted or modal.tcp:
+        raise content.refuse(
+            f"a chamfer or rounding {'before' if before else 'behind'} this block needs two moves in the plane of "
+            f"{' and '.join(sorted(plane))} next to each other, by G1, G2 or G3 and without polar coordinates, TCP or "
+            "a tilted plane: write the corner as moves"
+        )
+    if before and not PLANES.keys().isdisjoint(content.g):
+        raise content.refuse("the plane changes at a chamfer or rounding: write G17, G18 or G19 before both moves")
+    channel.no_insertion = True
+    channel.recorder.note("locked_axes", modal.plane_columns[2:])
+    channel.notes.add("chamfers and roundings: the corner points are corrected in their plane", block.line)
+
+
+def end_by_angle(channel: Channel, content: Content) -> None:
+    """Give a line with ,A the coordinate that it omits, programmed coordinates."""
+    modal, block = channel.modal, content.block
+    if ANGLE not in content.names:
+        return
+    index, (first, second, _) = content.names[ANGLE], modal.plane_columns
+    programmed = {channel.columns.get(block.words[i].address): i for i in content.axes}
+    given = programmed.keys() & {first, second}
+    known = channel.recorder.known
+    if len(given) != 1 or modal.motion != 1.0 or not modal.absolute or modal.polar is not None:
+        raise content.refuse(BY_ANGLE)
+    if not (known[first] and known[second]):
+        raise content.refuse("the angle of a line (,A) needs a known start: write X and Y in a move before it")
+    axis = first if first in given else second
+    unit = modal.unit
+    value = channel.number(block, programmed[axis], unit)
+    degrees = value_of(block, block.words[index])
+    start = (channel.recorder.position[first], channel.recorder.position[second])
+    other = other_coordinate(start, value, math.radians(degrees), second_given=axis == second)
+    if other is None:
+        raise content.refuse(f"a line at {degrees:g} degrees does not lead to this coordinate: correct one of them")
+    name = modal.plane[1] if axis == first else modal.plane[0]
+    content.block = with_word(block, index, given_as(block.words[index], name, other / unit))
+    content.axes.append(index)

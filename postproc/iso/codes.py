@@ -152,6 +152,12 @@ BESIDE_LEAVING = frozenset("NFSTHD$")
 MOVE_WORDS = frozenset("NFSTHDPQIJKR$")
 """Words that may be in a move besides G, M and axes."""
 
+CORNERS = frozenset((",C", ",R"))
+"""Chamfer and rounding of the corner between the block and the next."""
+ANGLE = ",A"
+"""The angle of a line, which gives one coordinate of its end."""
+CORNER_WORDS = CORNERS | {ANGLE}
+
 CONSTRUCTS = {
     "bracket": "the expression has no address before it: write the address",
     "number": "the number has no address before it: write the address",

@@ -12,7 +12,7 @@ from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.words import whole_of
-from postproc.iso.arcs import arc_of, end_words, go_polar, select_polar, turn_tool
+from postproc.iso.arcs import arc_of, check_corner, end_by_angle, end_words, go_polar, select_polar, turn_tool
 from postproc.iso.channel import INTEGERS, Channel
 from postproc.iso.codes import (
     AFTER_MOTION,
@@ -20,6 +20,7 @@ from postproc.iso.codes import (
     COMPENSATION,
     CONSTRUCTS,
     COORDINATE_CHANGES,
+    CORNER_WORDS,
     CYCLE_END,
     CYCLES,
     DATA,
@@ -54,7 +55,7 @@ from postproc.iso.reading.lines import DETAIL as LEADER
 from postproc.iso.reading.lines import refuse_long_line
 from postproc.iso.selection import change_tool, hold_tool, select_kinematics, select_length, select_offset
 from postproc.iso.variables import variables_of
-from postproc.iso.words import Content, check_content, dwells_alone, sort_words, take_own_words
+from postproc.iso.words import Content, check_content, check_speed, dwells_alone, sort_words, take_own_words
 from postproc.motion.cutter_compensation import follow_contour
 from postproc.motion.moves import Arc, Kind
 from postproc.motion.plain_moves import PlainMoves
@@ -110,8 +111,8 @@ class IsoInterpreter(Interpreter):
         if not modal.ended:
             refuse_long_line(self.machine.control, block)
         if block.kind == "words" and not modal.ended:
-            self._read_words(index, block)
-        elif modal.ended:
+            return self._read_words(index, block)
+        if modal.ended:
             self._read_after_end(block)
         elif block.kind == "tape_mark":
             self._read_tape_mark(block)
@@ -141,7 +142,7 @@ class IsoInterpreter(Interpreter):
         self.torn = modal.begun and not self.opened
         self.opened, modal.ended = True, modal.begun
 
-    def _read_words(self, index: int, block: Block) -> None:
+    def _read_words(self, index: int, block: Block) -> Block:
         modal = self.modal
         content, family = sort_words(block), self.family
         take_own_words(content, modal.motion, family)
@@ -152,6 +153,8 @@ class IsoInterpreter(Interpreter):
         claimed = self._modes(content) if content.g else None
         if claimed == DWELL and not dwells_alone(content, family):
             claimed = None
+        if modal.cornered or not CORNER_WORDS.isdisjoint(content.names):
+            check_corner(self.channel, content, claimed)
         if "L" in other and claimed != DATA and not (modal.cycle is not None and moves):
             raise block.refuse(
                 "L calls a subprogram on some controls and repeats the block on others: write the call by M98"
@@ -170,6 +173,7 @@ class IsoInterpreter(Interpreter):
         self._last = content, claimed
         modal.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
         modal.ended = not PROGRAM_ENDS.isdisjoint(content.m)
+        return content.block
 
     # ---- functions and modes
 
@@ -210,7 +214,7 @@ class IsoInterpreter(Interpreter):
             if code in ONE_SHOT:
                 claimed = code
                 if code in (5.0, 5.1):
-                    _check_speed(content, code)
+                    check_speed(content, code)
             elif code in PROBING and channel.setup.probing:
                 claimed = code
             elif code in OFFSET_CODES:
@@ -333,6 +337,7 @@ class IsoInterpreter(Interpreter):
             drill(channel, index, content, modal.cycle)
             return
         self._check_move_words(content)
+        end_by_angle(channel, content)
         words, polar = end_words(channel, content)
         target = self.recorder.target(content.block, words)
         if polar is not None:
@@ -384,11 +389,3 @@ def _integers(run: PlainRun) -> np.ndarray:
     """Number of coordinates without a decimal point in each line `(lines,)`, zeros apart."""
     words = run.columns
     return np.asarray(((words.end > 0) & (words.decimals < 0) & (words.value != 0.0)).sum(axis=0))
-
-
-def _check_speed(content: Content, code: float) -> None:
-    """G5.1 Q and G5 P switch a fast path on or off; with anything else they are splines."""
-    if ("Q" if code == 5.1 else "P") not in content.other:
-        raise content.refuse(f"G{code:g} without {'Q' if code == 5.1 else 'P'}: splines are not corrected")
-    if code == 5.0 and content.moves:
-        raise content.refuse("splines are not corrected")

@@ -84,6 +84,8 @@ class ModalState(modal_state.ModalState):
     """The canned cycle in force."""
     motion_before_cycle: float | None = None
     """G code of the motion that was in force where the canned cycle began."""
+    cornered: bool = False
+    """The control breaks the corner after the block."""
     polar: PolarCoordinates | None = None
     """Radius and angle of polar coordinates; None without G16."""
 
@@ -107,7 +109,7 @@ class ModalState(modal_state.ModalState):
     def plain(self) -> bool:
         """True while lines of axis words are moves of X Y Z and rotary axes, to positions or by increments."""
         return (
-            not (self.ended or self.compensated or self.tilted or self.lengths.vectors)
+            not (self.ended or self.compensated or self.cornered or self.tilted or self.lengths.vectors)
             and self.cycle is None
             and self.polar is None
             and self.not_programmed.keys() <= {"plane"}

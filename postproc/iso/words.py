@@ -7,6 +7,7 @@ from postproc.control.codes import AXES, DWELL, MOTION, SKIPPABLE_M
 from postproc.control.words import refuse_two_of_a_group
 from postproc.iso.codes import (
     COORDINATE_CHANGES,
+    CORNER_WORDS,
     CYCLES,
     DATA,
     ENDS,
@@ -28,7 +29,7 @@ from postproc.text.block import Block, Refusal
 
 
 class Content(words.Content):
-    """The words of one block, sorted; `names` are words that belong to M functions."""
+    """The words of one block, sorted; `names` are words that belong to M functions, and those behind a comma."""
 
     __slots__ = ()
 
@@ -54,6 +55,10 @@ def sort_words(block: Block) -> Content:
             content.g.append(word[1] or 0.0)
         elif address == "M":
             content.m.append(word[1] or 0.0)
+        elif address in CORNER_WORDS:
+            if address in content.names:
+                raise block.refuse(f"the block has two {address} words: write one of them")
+            content.names[address] = i
         elif address in done:
             raise block.refuse(f"the block has two {address} words: write one of them")
         else:
@@ -118,6 +123,14 @@ def _check_line_end(block: Block) -> None:
             "words after a semicolon are a comment on some controls and the next block on others: write "
             "them in parentheses or in a block of their own"
         )
+
+
+def check_speed(content: Content, code: float) -> None:
+    """G5.1 Q and G5 P switch a fast path on or off; with anything else they are splines."""
+    if ("Q" if code == 5.1 else "P") not in content.other:
+        raise content.refuse(f"G{code:g} without {'Q' if code == 5.1 else 'P'}: splines are not corrected")
+    if code == 5.0 and content.moves:
+        raise content.refuse("splines are not corrected")
 
 
 # ---- words that codes of the block use: the time of a dwell, the angle of an oriented stop

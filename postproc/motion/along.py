@@ -13,6 +13,8 @@ from postproc.motion.moves import Arc
 
 INNER = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 """Shares of the path of a move at which it is evaluated between its ends."""
+ALONG = 1e-6
+"""Cosine of the angle between a line and an axis, below which a coordinate of that axis does not give its end."""
 CLOSELY = tuple(i / 37 for i in range(1, 38))
 """Shares for moves whose error may change quickly: a prime number of them, which few whole periods coincide with."""
 
@@ -51,3 +53,15 @@ def heading(
         return None
     length = math.hypot(x, y)
     return (x / length, y / length) if length > SAME else None
+
+
+def other_coordinate(start: tuple[float, float], value: float, angle: float, *, second_given: bool) -> float | None:
+    """The other coordinate of the end of a line by its angle, rad, from the first axis towards the second.
+
+    value: the given coordinate, of the first axis or of the second. None where the line leads elsewhere.
+    """
+    along, across = (math.sin(angle), math.cos(angle)) if second_given else (math.cos(angle), math.sin(angle))
+    way = value - start[second_given]
+    if abs(along) < ALONG or way * along < 0.0:
+        return None
+    return start[not second_given] + way * across / along

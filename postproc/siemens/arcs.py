@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 from postproc.control.arcs import arc_ends, centre_of, read_arc
 from postproc.control.channel import AxisWords, Channel
-from postproc.control.words import value_of
+from postproc.control.words import given_as, value_of, with_word
 from postproc.motion.arcs import CENTRES, centre_letters
 from postproc.motion.circles import Point, circle_through, point_at, tangent_circle
 from postproc.motion.moves import Arc, AxisWord, Known
 from postproc.motion.recorder import Recorder
 from postproc.siemens.codes import CALCULATED_ARCS, MIDDLES
-from postproc.siemens.words import Content, given_as, plain_of, with_word
+from postproc.siemens.words import Content, plain_of
 from postproc.text.block import Block
 
 ARC_WORDS = frozenset((*CENTRES, *MIDDLES, "CR", "AR", "TURN"))

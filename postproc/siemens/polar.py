@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 from postproc.control.arcs import arc_ends
 from postproc.control.channel import Channel
-from postproc.control.words import value_of
+from postproc.control.words import given_as, value_of, with_word
 from postproc.motion.arcs import arc_by_centre
 from postproc.motion.circles import Point, point_around, same
 from postproc.motion.moves import Arc, AxisWord, Known
 from postproc.siemens.arcs import Programmed
-from postproc.siemens.words import Content, given_as, plain_of, with_word
+from postproc.siemens.words import Content, plain_of
 from postproc.text.block import Block, Word
 
 POLAR = frozenset(("AP", "RP"))

@@ -25,7 +25,6 @@ from postproc.siemens.codes import (
     SPLINE_WORDS,
 )
 from postproc.text.block import Block, Word
-from postproc.text.expressions import Constant, Formula
 
 AXES = "XYZABCUVWEQ"
 ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | SPLINE_WORDS | {"T", "D"}
@@ -139,13 +138,3 @@ def plain_of(block: Block, word: Word) -> float:
     if word.mode:
         raise block.refuse(f"{word.mode} has no meaning in {word.address}: write the number alone")
     return value_of(block, word)
-
-
-def with_word(block: Block, index: int, word: Word) -> Block:
-    """The block with one word replaced."""
-    return block._replace(words=(*block.words[:index], word, *block.words[index + 1 :]))
-
-
-def given_as(word: Word, address: str, value: float) -> Word:
-    """The word of a coordinate, or of a radius, that replaces it in a corrected block."""
-    return Word(address, value, word.at, word.at, word.end + word.tail, Formula(Constant(value), instead=True))

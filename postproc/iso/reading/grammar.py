@@ -32,7 +32,7 @@ def parse_block(line: int, text: str) -> Block:
         items: list[Any] = tree.children
         for item in items:
             match item.type if isinstance(item, Token) else item.data:
-                case "WORD":
+                case "WORD" | "CORNER":
                     words.append(_word(item))
                 case "computed":
                     words.append(computed_word(item))
@@ -65,10 +65,11 @@ def _text_of(text: str, item: Tree[Token] | Token) -> str:
 
 
 def _word(token: Token) -> Word:
-    match = PARTS.fullmatch(token)
+    comma = "," if token.startswith(",") else ""
+    match = PARTS.search(token)
     assert match is not None
     at = token.start_pos or 0
-    return Word(match[1].upper(), float(match[3] + match[4]), at, at + match.start(2), at + match.end())
+    return Word(comma + match[1].upper(), float(match[3] + match[4]), at, at + match.start(2), at + match.end())
 
 
 def _repeated(token: Token, text: str) -> Word:
@@ -92,7 +93,7 @@ CORNERS = {
     "A": "gives the end of the line by its angle",
 }
 """Addresses behind a comma (FANUC, HAAS)."""
-_CORNER = re.compile(r",[ \t]*([CRA])[ \t]*[+-]?[\d.#\[][^ \t]*", re.IGNORECASE)
+_CORNER = re.compile(r",[ \t]*([CRA])[ \t]*[+-]?[#\[][^ \t]*", re.IGNORECASE)
 
 
 def _explain(text: str, fault: UnexpectedInput) -> str:
@@ -104,5 +105,5 @@ def _explain(text: str, fault: UnexpectedInput) -> str:
             "in one pair"
         )
     if corner := _CORNER.match(rest):
-        return f"{corner[0].strip()} {CORNERS[corner[1].upper()]}, which is not corrected: write its moves"
+        return f"{corner[0].strip()} {CORNERS[corner[1].upper()]}, and is corrected as a number only: write one"
     return f"column {column}: {not_understood(text, max(column - 1, 0))}"
