@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import json
+import random
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -328,6 +330,40 @@ def test_the_checked_structure_notices_what_the_schema_forbids(cal):
     }.items():
         assert old in data
         assert faults(data.replace(old, new)) != [], old
+
+
+def test_a_large_calibration_is_carried_in_a_text_that_readers_of_xml_take(cal):
+    content = cal.read_bytes() + b" " * 8_000_000
+    cal.write_bytes(content)
+    dcc = certified(cal)
+    assert faults(dcc.read_bytes()) == []
+    root = ET.parse(dcc).getroot()
+    assert root.findtext("dcc:document/dcc:fileName", "", SPACES) == "cal.json.gz"
+    assert gzip.decompress(base64.b64decode(root.findtext("dcc:document/dcc:dataBase64", "", SPACES))) == content
+    same = json.loads(succeed("compare", cal, dcc, "--json", "-").out)
+    assert same["a"]["id"] == same["b"]["id"]
+    assert same["volume"]["difference_um"]["max"] == 0.0
+
+
+def test_a_calibration_that_is_too_large_for_readers_of_xml_has_no_certificate(cal):
+    answer = json.loads(cal.read_text())
+    answer["provenance"]["source"] = base64.b64encode(random.Random(0).randbytes(8_000_000)).decode()
+    cal.write_text(json.dumps(answer))
+    assert "too large for a certificate" in refused(cal)
+
+
+def test_a_document_that_expands_without_end_is_no_result(cal):
+    def with_document(content: bytes) -> str:
+        root = ET.parse(certified(cal)).getroot()
+        root.find("dcc:document/dcc:mimeType", SPACES).text = "application/gzip"
+        root.find("dcc:document/dcc:dataBase64", SPACES).text = base64.b64encode(content).decode()
+        root.find("dcc:comment/sha256", SPACES).text = fingerprint_of(root)
+        (forged := cal.with_name("forged.xml")).write_bytes(ET.tostring(root))
+        return refusal("compare", cal, forged)
+
+    whole = gzip.compress(cal.read_bytes())
+    for content in (gzip.compress(b" " * (LARGEST + 1), 1), whole[:-9], b"no gzip"):
+        assert "carries no result of ncomp" in with_document(content)
 
 
 def test_a_second_reader_of_json_finds_the_calibration_in_the_certificate(cal):

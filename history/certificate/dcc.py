@@ -6,6 +6,7 @@ All numbers have the digits that give back the same number. The document from wh
 from __future__ import annotations
 
 import base64
+import gzip
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
@@ -13,7 +14,7 @@ from history.certificate.conformity import NORMS, RULES, SHOWN, Statement
 from history.certificate.details import Contact, Details, Instrument, Item, Person
 from history.certificate.results import Curve, Results
 from history.entries import Quantity
-from kinematics.files.certificate import MARK, SPACES, fingerprint_of
+from kinematics.files.certificate import COMPRESSED, LONGEST, MARK, SPACES, fingerprint_of
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 
@@ -249,11 +250,23 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def _document(results: Results) -> ET.Element:
-    """The calibration or the results as a whole."""
+    """The calibration or the results as a whole, compressed where this is too long for readers of XML."""
+    text, name, kind = _base64(results.document), "_".join(results.name.split()), "application/json"
+    if len(text) > LONGEST:
+        text, name, kind = _base64(gzip.compress(results.document, 6, mtime=0)), f"{name}.gz", COMPRESSED
+    if len(text) > LONGEST:
+        raise UserError(
+            f"{results.name}: it is too large for a certificate: compressed it has {len(text) / 1e6:.0f} million "
+            f"characters, and readers of XML take {LONGEST / 1e6:.0f} million in one text: fit fewer parameters"
+        )
     return node(
         "dcc:document",
         _text("dcc:description", "The result for programs, with the covariance of a calibration; ncomp reads it."),
-        node("dcc:fileName", "_".join(results.name.split())),
-        node("dcc:mimeType", "application/json"),
-        node("dcc:dataBase64", base64.b64encode(results.document).decode()),
+        node("dcc:fileName", name),
+        node("dcc:mimeType", kind),
+        node("dcc:dataBase64", text),
     )
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode()

@@ -11,6 +11,7 @@ import datetime
 import hashlib
 import re
 import xml.etree.ElementTree as ET
+import zlib
 from typing import NamedTuple
 
 from kinematics.user_error import UserError
@@ -24,6 +25,10 @@ MARK = "sha256"
 """Name of the element in the comment that has the fingerprint."""
 LARGEST = 64 * 2**20
 """Size of a certificate, bytes, that is still read: about ten times that of a calibration with 600 parameters."""
+LONGEST = 10_000_000
+"""Characters in one text of a certificate: what libxml2 reads by default, and lxml and PTB's dcclib with it."""
+COMPRESSED = "application/gzip"
+"""Type of a document that is compressed, because it would be a longer text otherwise."""
 
 
 class Carried(NamedTuple):
@@ -73,11 +78,23 @@ def carried(data: bytes, source: str) -> Carried:
         for each in root.iterfind(".//dcc:measuringEquipment", SPACES)
     ]
     try:
-        document = base64.b64decode(root.findtext("dcc:document/dcc:dataBase64", "", SPACES))
+        document = _document(root)
         ended = datetime.date.fromisoformat(root.findtext(f"{core}/dcc:endPerformanceDate", "", SPACES))
-    except ValueError:
+    except (ValueError, zlib.error):
         raise foreign from None
     return Carried(document, root.findtext(f"{core}/dcc:uniqueIdentifier", "", SPACES), ended, ", ".join(equipment))
+
+
+def _document(root: ET.Element) -> bytes:
+    """The document of a certificate; ValueError or zlib.error for a damaged one, and for one that expands too far."""
+    content = base64.b64decode(root.findtext("dcc:document/dcc:dataBase64", "", SPACES))
+    if root.findtext("dcc:document/dcc:mimeType", "", SPACES) != COMPRESSED:
+        return content
+    reader = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)  # 16: with the header of gzip
+    content = reader.decompress(content, LARGEST)
+    if not reader.eof:
+        raise ValueError("the document is cut, or larger than what is read")
+    return content
 
 
 _NAME_AND_NUMBER = ("dcc:name/dcc:content", "dcc:identifications/dcc:identification/dcc:value")

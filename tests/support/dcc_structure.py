@@ -1,8 +1,9 @@
 """The structure of a DCC 3.3.0 with D-SI 2.2, as far as ncomp writes it, by hand.
 
 Written after the published schemas of PTB, dcc.xsd 3.3.0 and SI_Format.xsd 2.2 (LGPL-3.0, gitlab.com/ptb/dcc/xsd-dcc):
-no package has them, and they are not copied here. The form of `release`, and the conditions that are
-needed, are rules of dcc.sch in the package dcclib 0.4.0. Of each element: the children, in order, as a regular expression.
+no package has them, and they are not copied here; docs/certificate.md says how certificates were validated by them. The
+form of `release`, and the conditions that are needed, are rules of dcc.sch in the package dcclib 0.4.0. Of each element:
+the children, in order, as a regular expression.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
+LONGEST_TEXT = 10_000_000
+"""XML_MAX_TEXT_LENGTH of libxml2: a reader that allows no more refuses the file."""
 NO_BLANK_ENDS = r"\S+(\s+\S+)*"
 DECIMAL = r"[-+]?\d+(\.\d+)?([eE][-+]?\d+)?"
 LIST = rf"{DECIMAL}( {DECIMAL})*"
@@ -99,5 +102,6 @@ def faults(data: bytes) -> list[str]:
             models |= {} if children else {key: (model, text) for key, model in TEXTS.items()}
             model, own = next((m for key, m in models.items() if name in key.split("|")), (NO_BLANK_ENDS, text))
             fits = re.fullmatch(model, own) and (bool(children) == any(name in key.split("|") for key in CHILDREN))
+        fits = fits and len(element.text or "") <= LONGEST_TEXT
         found += [] if fits else [f"{name}: {children or text[:80]}"]
     return found
