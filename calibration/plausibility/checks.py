@@ -6,9 +6,10 @@ Mistakes that have alternatives are compared in `calibration.plausibility.mistak
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -43,27 +44,28 @@ SMALL = 0.05
 """Share of the travel of linear axes below which their unit is questioned."""
 
 
+class Check(NamedTuple):
+    """A check of the rows that are no copies."""
+
+    look: Callable[[Measurement], Iterable[Finding]]
+    on_the_fly: bool = False
+    """True where it holds for rows in motion too; otherwise their alignment with the path finds the mistake."""
+
+
 def sanity(measurement: Measurement) -> list[Finding]:
     """Findings on a measurement, fatal ones first; with a fatal finding most other checks are omitted."""
     copies = duplicates(measurement)
     own = measurement.rows(np.flatnonzero(~copies))
-    mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
-    odd = [*_copies(measurement, copies), *_times(own)]
-    if measurement.across is None:  # otherwise the alignment with the path finds them
-        mistakes += _recording(own)
-        mistakes += list(_distances(own))
-    if measurement.instrument.NEVER_SEEN:
-        odd.append(Finding("never seen", measurement.instrument.NEVER_SEEN, False))
-    if measurement.across is None and not any(finding.fatal for finding in mistakes):
-        odd += [*_spheres(own), *_small_volume(own), *_motion(own)]
+    mistakes = _found_by(MISTAKES, own)
+    odd = [*_copies(measurement, copies), *_found_by(NOTES, own)]
+    if not any(finding.fatal for finding in mistakes):
+        odd += _found_by(DOUBTS, own)
     return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
 
 
-def _motion(measurement: Measurement) -> Iterator[Finding]:
-    """Observations and read-backs that do not follow the commands, and a first run that differs."""
-    yield from clock_lag(measurement)
-    yield from _first_cycle(measurement)
-    yield from read_back(measurement)
+def _found_by(checks: Sequence[Check], own: Measurement) -> list[Finding]:
+    """The findings of all checks that hold for the rows, in the order of the checks."""
+    return [found for check in checks if check.on_the_fly or own.across is None for found in check.look(own)]
 
 
 def usable(measurement: Measurement) -> list[Finding]:
@@ -76,18 +78,9 @@ def usable(measurement: Measurement) -> list[Finding]:
 
 
 def _of_instrument(measurement: Measurement) -> Iterator[Finding]:
-    """Recording mistakes, as far as the kind of observation shows them."""
-    if measurement.instrument.OBSERVES == "distance":
-        yield from circle_mistakes(measurement)
-    elif measurement.instrument.OBSERVES == "length":
-        yield from length_mistakes(measurement)
-    elif measurement.instrument.OBSERVES == "range":
-        found = list(unlocated_stations(measurement)) or list(gross_mistakes(measurement))
-        yield from found or misstated_stations(measurement)
-    elif measurement.axis is not None:
-        yield from _readings(measurement)
-    else:
-        yield from gross_mistakes(measurement)
+    """Recording mistakes, as far as the kind of observation shows them: of the first check that finds any."""
+    each = (list(look(measurement)) for look in RECORDING[measurement.instrument.OBSERVES])
+    yield from next((found for found in each if found), [])
 
 
 def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
@@ -112,13 +105,6 @@ def _order(measurement: Measurement) -> Iterator[Finding]:
             "which the directions of approach follow; sort them by time",
             True,
         )
-
-
-def _times(measurement: Measurement) -> Iterator[Finding]:
-    """Pauses, and times that several stops share; those of continuous records are their readings' own."""
-    if measurement.across is None:
-        texts = (*repeated_times(measurement), *paused(measurement))
-        yield from (Finding("times", text, False) for text in texts)
 
 
 def _temperatures(measurement: Measurement) -> Iterator[Finding]:
@@ -208,8 +194,13 @@ def _named(part: Measurement, check: Callable[[Measurement], Iterator[Finding]])
     yield from (each._replace(message=f"{part.file[0]}: {each.message}") for each in check(part))
 
 
-def _spheres(measurement: Measurement) -> Iterator[Finding]:
-    yield from (Finding("spheres", text, False) for text in sphere_notes(measurement))
+def _never_seen(measurement: Measurement) -> Iterator[Finding]:
+    if measurement.instrument.NEVER_SEEN:
+        yield Finding("never seen", measurement.instrument.NEVER_SEEN, False)
+
+
+def _noted(measurement: Measurement) -> Iterator[Finding]:
+    """Smaller mistakes of the tip or of zeros: of each of several files, otherwise of all rows."""
     files = _files(measurement)
     yield from chain.from_iterable(_named(part, noted_mistakes) for part in files)
     yield from noted_mistakes(measurement) if not files else ()
@@ -300,3 +291,33 @@ def _by_run(measurement: Measurement) -> Array | None:
         for name in np.unique(axis[shared]).tolist():
             cells[axis[shared] == name] -= cells[axis[shared] == name].mean(axis=0)
     return cells
+
+
+RECORDING: Mapping[str, Sequence[Callable[[Measurement], Iterable[Finding]]]] = {
+    "point": (gross_mistakes,),
+    "offset": (gross_mistakes,),
+    "distance": (circle_mistakes,),
+    "length": (length_mistakes,),
+    "range": (unlocated_stations, gross_mistakes, misstated_stations),
+    "deviation": (_readings,),
+}
+"""Checks of the recording by what an instrument observes; each is made if those before it find nothing."""
+MISTAKES = (
+    Check(_order, on_the_fly=True),
+    Check(_temperatures, on_the_fly=True),
+    Check(_dead, on_the_fly=True),
+    Check(_far_targets, on_the_fly=True),
+    Check(_recording),
+    Check(_distances),
+)
+"""Checks that may find a mistake with which the data cannot be used."""
+NOTES = (Check(repeated_times), Check(paused), Check(_never_seen, on_the_fly=True))
+DOUBTS = (
+    Check(sphere_notes),
+    Check(_noted),
+    Check(_small_volume),
+    Check(clock_lag),
+    Check(_first_cycle),
+    Check(read_back),
+)
+"""Checks of data without a fatal mistake: observations and read-backs that do not follow the commands, and others."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.outliers import ASTRAY
+from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import centred, misfit
 from calibration.plausibility.recording_mistakes import ROUNDS, Reversed, with_positions
 from calibration.registration.observed_points import carried
@@ -73,7 +74,12 @@ def moved_tip(measurement: Measurement) -> Reversed:
     yield by, moved
 
 
-def sphere_notes(measurement: Measurement) -> Iterator[str]:
+def sphere_notes(measurement: Measurement) -> Iterator[Finding]:
+    """Findings on spheres that are not where they are stated."""
+    yield from (Finding("spheres", text, False) for text in _sphere_notes(measurement))
+
+
+def _sphere_notes(measurement: Measurement) -> Iterator[str]:
     """Notes on rows whose tip is in another sphere than stated, and on centres far from their stated positions."""
     if measurement.instrument.OBSERVES != "offset":
         return

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
+from calibration.plausibility.finding import Finding
 
 LEAST_S = 600.0
 """Least duration of a pause, s: a machine tool's time constants begin at some minutes."""
@@ -30,26 +31,29 @@ def pauses(measurement: Measurement) -> np.ndarray:
     return np.flatnonzero(steps > max(LEAST_S, LONGER * usual)) + 1
 
 
-def repeated_times(measurement: Measurement) -> Iterator[str]:
-    """Statement, without a full stop, on stops with the time of the stop before; none where they are few."""
+def repeated_times(measurement: Measurement) -> Iterator[Finding]:
+    """Finding, without a full stop, on stops with the time of the stop before; none where they are few."""
     time = measurement.state.time
     if time is None or len(time) < 3:
         return
     if not np.ptp(time):
-        yield f"time_s is {time[0]:.10g} in all rows: they show no drift with time"
+        yield Finding("times", f"time_s is {time[0]:.10g} in all rows: they show no drift with time", False)
         return
     first = np.unique(measurement.stops, return_index=True)[1]
     same = int(np.count_nonzero(np.diff(time[first]) == 0.0))
     if same > REPEATED * len(first):
         step = float(np.median(np.diff(np.unique(time))))
-        yield (
+        yield Finding(
+            "times",
             f"{same} of {len(first)} stops have the time of the stop before: time_s is in steps of {step:.4g} s, or "
-            "stands for several positions. Faster changes are not visible, and moments of jumps are uncertain by a step"
+            "stands for several positions. Faster changes are not visible, and moments of jumps are uncertain by a "
+            "step",
+            False,
         )
 
 
-def paused(measurement: Measurement) -> Iterator[str]:
-    """Statements on pauses, without a full stop."""
+def paused(measurement: Measurement) -> Iterator[Finding]:
+    """Finding on pauses, without a full stop."""
     time, rows = measurement.state.time, pauses(measurement)
     if time is None or not len(rows):
         return
@@ -57,8 +61,10 @@ def paused(measurement: Measurement) -> Iterator[str]:
         f"{(time[row] - time[row - 1]) / 60.0:.3g} min before {measurement.where(int(row))}" for row in rows[:LISTED]
     ]
     more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
-    yield (
+    yield Finding(
+        "times",
         f"the measurement paused for {', '.join(lengths)}{more}: the thermal state of the machine, and the pose of the "
         "instrument, may differ afterwards from a course with time. Measure some positions of before once more after a "
-        "pause"
+        "pause",
+        False,
     )
