@@ -32,7 +32,6 @@ from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import residuals
-from calibration.observation.outliers import first_registration
 from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, MARGIN, on_path
 from calibration.on_the_fly.corrected_positions import with_corrected_positions
 from calibration.on_the_fly.drive import PathDynamics
@@ -119,7 +118,7 @@ def _evaluated(path: NominalPath, machine: Machine, noise: float, draw: int) -> 
     tracker = LaserTracker(u_range_um=noise or 0.02, u_angle_um=noise or 0.02)
     measurement = with_corrected_positions(on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path))
     found = calibrate(measurement, margin=MARGIN, hold_out=False)
-    registration, _ = first_registration(measurement)
+    registration, _ = measurement.first_registration
     nominal = residuals(measurement, no_errors(machine), registration)
     before, after = (np.linalg.norm(each, axis=1).mean() * 1e3 for each in (nominal, found.fit.residual))
     return float(before), float(after), *_on_grid(machine, truth, found.model)

@@ -23,8 +23,7 @@ from calibration.instruments import LaserTracker
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
-from calibration.observation.normal_equations import derivatives, whiteners
-from calibration.observation.outliers import first_registration
+from calibration.observation.normal_equations import derivatives
 from calibration.simulation.simulate import observe, tracker_pose
 from calibration.simulation.true_model import random_true_model
 from kinematics.state import State
@@ -57,13 +56,13 @@ def against_pinv(rows: int) -> None:
     """Both methods at a size that the pseudo-inverse can solve; only the own one has to build its design."""
     measurement = simulated(rows)
     model = rigid_model(measurement, BASES)
-    registration, _ = first_registration(measurement)
+    registration, _ = measurement.first_registration
     problem = Problem.of(measurement, model, priors(model))
     point = problem.point(np.array(model.parameters), registration)
 
     by_unknowns = derivatives(measurement, model, registration)
     assert by_unknowns is not None
-    whitened = by_unknowns.whitened(whiteners(measurement), Decorrelation())
+    whitened = by_unknowns.whitened(measurement.whiteners, Decorrelation())
     dense = np.stack([whitened.times(unit).reshape(-1) for unit in np.eye(len(whitened.order))], axis=1)
     pinv = seconds(lambda: np.linalg.pinv(dense) @ problem.whitened(point.residual).reshape(-1))
     own = seconds(lambda: problem.solve(point, np.ones(rows), 1.0))

@@ -19,10 +19,8 @@ from calibration.instruments.ballbar import in_runs
 from calibration.measurement.file import read_measurement
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Target
-from calibration.observation import equations
 from calibration.observation.full_model import priors
 from calibration.observation.normal_equations import residuals
-from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import sanity
 from calibration.simulation.true_model import model_of
 from kinematics.effects import Backlash, LateralPlay, ReversalSpike, Scale, ServoMismatch
@@ -56,7 +54,7 @@ def test_a_file_of_circles(read):
     assert measured.spheres == {"1": CENTRE}
     assert measured.observed[:, 0].tolist() == [150.001, 150.002, 150.0]
     assert not measured.notes
-    np.testing.assert_allclose(equations.covariance(measured), np.full((3, 1, 1), 9e-8))
+    np.testing.assert_allclose(measured.covariances, np.full((3, 1, 1), 9e-8))
 
 
 def test_directions_follow_from_the_circle_also_in_its_first_row():
@@ -116,7 +114,7 @@ def test_files_have_a_table_ball_each():
     other, _ = circles_of(step=10.0, centre=(280.0, 225.0, 150.0), seed=1)
     both = joined([replace(one, source="a.csv"), replace(other, source="b.csv")])
     assert both.spheres == {"a.csv:1": CENTRE, "b.csv:1": (280.0, 225.0, 150.0)}
-    registration, _ = first_registration(both)
+    registration, _ = both.first_registration
     assert list(registration.poses) == ["a.csv:1", "b.csv:1"]
     assert list(registration.zeros) == ["length"]
 
@@ -127,7 +125,7 @@ def test_files_have_a_table_ball_each():
 @given(st.lists(st.floats(-0.02, 0.02), min_size=4, max_size=4))
 def test_derivatives_are_those_of_the_readings(step):
     measured, _ = circles_of(step=30.0, noise=0.0, planes=("XY", "ZX"))
-    registration, _ = first_registration(measured)
+    registration, _ = measured.first_registration
     model = no_errors(CFRAME)
     moved = registration.moved(np.array(step))
     change = residuals(measured, model, registration) - residuals(measured, model, moved)
@@ -141,7 +139,7 @@ def test_derivatives_are_those_of_the_readings(step):
 
 def test_derivatives_by_errors_and_by_a_shift():
     measured, _ = circles_of(step=30.0, noise=0.0, planes=("XY", "YZ"))
-    registration, _ = first_registration(measured)
+    registration, _ = measured.first_registration
     transform = measured.instrument.transform(measured, registration)
     effect = Scale("X", 50.0)
     model, zero = model_of(CFRAME, [effect]), no_errors(CFRAME)
@@ -152,7 +150,7 @@ def test_derivatives_by_errors_and_by_a_shift():
 
 def test_without_errors_the_readings_are_centre_and_length_alone():
     measured, model = circles_of(noise=0.0, planes=("XY", "ZX"))
-    registration, trusted = first_registration(measured)
+    registration, trusted = measured.first_registration
     assert trusted.all()
     assert np.abs(residuals(measured, model, registration)).max() < 2e-5
     assert 0.0 < np.abs(registration.sphere_centres["1"] - CENTRE).max() < 0.03
@@ -160,7 +158,7 @@ def test_without_errors_the_readings_are_centre_and_length_alone():
 
 def test_one_plane_leaves_the_centre_across_it_where_it_is_stated():
     measured, _ = circles_of(feeds=(1000.0,))
-    registration, _ = first_registration(measured)
+    registration, _ = measured.first_registration
     assert abs(registration.sphere_centres["1"][2] - CENTRE[2]) < 0.5
 
 

@@ -12,7 +12,6 @@ from virtual_machine.scoring import Score, score
 
 import machines
 from calibration.measurement.file import read_measurement
-from calibration.observation.equations import covariance
 
 EVERY = list(product(draws.KINDS, draws.MACHINES))
 MACHINE_OF = [(kind, draws.MACHINES[n % len(draws.MACHINES)]) for n, kind in enumerate(draws.KINDS)]
@@ -53,7 +52,7 @@ def test_questions_to_an_interferometer_can_be_read_and_have_their_size(kind, tm
     axis = draw.laser_along
     assert draw.causes[0].answer().axes == (axis,)
     moved = observe.exact_readings(draw.setup.having(*draw.causes), axis) - observe.exact_readings(draw.setup, axis)
-    u = np.sqrt(covariance(measurement)[:, 0, 0])
+    u = np.sqrt(measurement.covariances[:, 0, 0])
     np.testing.assert_allclose(u, observe.noise_along(draw.setup, axis, draws.LASER), rtol=1e-9)
     assert np.sqrt(np.mean(moved**2)) == pytest.approx(
         draw.times[0] * np.sqrt(np.mean(u**2 / draw.setup.session.visits())), rel=1e-3

@@ -15,9 +15,7 @@ from calibration.fit.noise import with_estimated_noise
 from calibration.instruments import LaserTracker, Part
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.measurement.file import read_measurement
-from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, with_effects
-from calibration.observation.normal_equations import whiteners
 from calibration.simulation.simulate import observe
 from kinematics.effects import StationShift
 from kinematics.error_model.model import no_errors
@@ -105,7 +103,7 @@ def test_decorrelated_rows_of_a_stop_are_white():
     arms[:, :, 0] = 0.01 * np.array([0.6, 0.8, 0.0])
     noise = EstimatedNoise(1.0, {"X": 0.01}, data.stops, arms)
     noisy = replace(data, noise=noise)
-    white = whiteners(noisy)
+    white = noisy.whiteners
     transform = Decorrelation.of(noise, white)
     rows = np.flatnonzero(data.stops == data.stops[0])
     covariance = np.zeros((9, 9))
@@ -113,7 +111,7 @@ def test_decorrelated_rows_of_a_stop_are_white():
         for b in range(3):
             shared = arms[rows[a]] @ arms[rows[b]].T
             covariance[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] = shared + (
-                specified_covariance(data)[rows[a]] if a == b else 0
+                data.specified_covariances[rows[a]] if a == b else 0
             )
     root = np.linalg.cholesky(covariance)
     columns = np.zeros((len(data), 3, 9))

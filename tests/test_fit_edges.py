@@ -15,7 +15,6 @@ from calibration.fit.fit import fit
 from calibration.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.full_model import BasisChoice, rigid_model
-from calibration.observation.outliers import duplicates
 from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithSensor
 from kinematics.error_model.model import decode_model, encode_model, no_errors
@@ -139,10 +138,10 @@ def test_a_run_of_an_interferometer_is_registered_before_it_is_judged():
 @pytest.mark.parametrize("digits", [1e-4, 1e-5])
 def test_readings_that_come_again_are_no_copies(digits):
     measurement = laser(digits=digits)
-    assert not duplicates(measurement).any()
+    assert not measurement.copies.any()
     timed = replace(measurement, state=replace(measurement.state, time=np.arange(float(len(measurement)))))
     twice = timed.rows(np.append(np.arange(len(timed)), 7))
-    assert np.flatnonzero(duplicates(twice)).tolist() == [len(timed)]
+    assert np.flatnonzero(twice.copies).tolist() == [len(timed)]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from calibration.follow_up.design import MOST_ROWS
 from calibration.follow_up.designs import follow_up_designs
 from calibration.instruments import Part
 from calibration.observation.normal_equations import residuals
-from calibration.observation.outliers import first_registration
 from calibration.simulation.simulate import observe
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
@@ -19,7 +18,7 @@ from kinematics.state import State
 
 def names_after(data):
     """Names of the designs that may follow a measurement."""
-    registration, _ = first_registration(data)
+    registration, _ = data.first_registration
     return {design.name for design in follow_up_designs(data, registration)}
 
 
@@ -37,7 +36,7 @@ CASES = {
 def test_a_design_is_a_measurement_that_follows_the_data(case):
     make, expected = CASES[case]
     data = make()
-    registration, _ = first_registration(data)
+    registration, _ = data.first_registration
     found = list(follow_up_designs(data, registration))
     assert expected <= {design.name for design in found}
     assert len({design.name for design in found}) == len(found)

@@ -31,7 +31,6 @@ from calibration.follow_up.designs import follow_up_designs
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.measurement.measurement import Measurement
-from calibration.observation.outliers import first_registration
 from kinematics.effects import (
     AirScale,
     Backlash,
@@ -190,7 +189,7 @@ def expected_odds(data: Measurement, one: Effect, other: Effect) -> dict[str, fl
     observations = Observations.of(data)
     structure = Structure.first(Data.of(observations)).fitted()
     terms = [plain(observations, effect) for effect in (one, other)]
-    registration, _ = first_registration(data)
+    registration, _ = data.first_registration
     rows = StackedRows.of(structure, registration, terms, np.zeros_like(observations.residual))
     signals = [Signal(structure.with_terms(terms).columns_of(i), np.full(terms[i].width, SIZE)) for i in range(2)]
     tie = Question("tie", one.name, signals[0], ((signals[1], 0.0),), ())
@@ -233,7 +232,7 @@ def test_no_design_takes_information_away(make):
     observations = Observations.of(make())
     structure = Structure.first(Data.of(observations)).fitted()
     terms = list({term.family: term for term in named(observations)}.values())
-    registration, _ = first_registration(observations.measurement)
+    registration, _ = observations.measurement.first_registration
     rows = StackedRows.of(structure, registration, terms, np.zeros_like(observations.residual))
     now, designs = rows.products(), list(follow_up_designs(observations.measurement, registration))
     assert designs

@@ -24,7 +24,6 @@ from calibration.observation.normal_equations import (
     derivatives,
     residuals,
     whitened,
-    whiteners,
 )
 from calibration.observation.products import Functions, Products, arm_products, between
 from kinematics.effects import Backlash
@@ -117,7 +116,7 @@ def test_normal_equations_are_those_of_the_columns(name, bases, seed, stops, mis
         effects.insert(2, Backlash("X", 3.0))
     model = msgspec.structs.replace(model, effects=tuple(effects))
     registration = measurement.instrument.first_registration(measurement, np.ones(60, bool))
-    white = whiteners(measurement)
+    white = measurement.whiteners
     decorrelation = Decorrelation.of(measurement.noise, white)
     left = residuals(measurement, model, registration)
     residual = decorrelation.apply(whitened(white, left))
@@ -140,7 +139,7 @@ def test_functions_that_differ_within_a_stop_are_decorrelated_as_columns():
     measurement = replace(measurement, state=replace(measurement.state, positions=moved))
     model = rigid_model(measurement, dict.fromkeys("XYZ", BasisChoice("cubic", 6)))
     registration = measurement.instrument.first_registration(measurement, np.ones(40, bool))
-    white = whiteners(measurement)
+    white = measurement.whiteners
     decorrelation = Decorrelation.of(measurement.noise, white)
     assert decorrelation.stops
     residual = decorrelation.apply(whitened(white, residuals(measurement, model, registration)))
@@ -182,8 +181,8 @@ def test_the_evidence_is_that_of_the_columns(stops):
         away = (start - model.parameters) / prior
         at_start = msgspec.structs.replace(no_errors(some.machine), effects=effects).with_parameters(other)
         factor = first.variance_factor if first.p_value < 1e-3 else 1.0
-        white = whiteners(some) / np.sqrt(factor)
-        decorrelation = Decorrelation.of(some.noise, whiteners(some))
+        white = some.whiteners / np.sqrt(factor)
+        decorrelation = Decorrelation.of(some.noise, some.whiteners)
         residual = decorrelation.apply(whitened(white, residuals(some, at_start, first.registration)))
         model = model.with_parameters(start)
         normal = by_columns(some, model, first.registration, white, residual, decorrelation)

@@ -20,7 +20,6 @@ from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan
 from calibration.measurement.readers import read_any
 from calibration.measurement.written_file import write_measurement
-from calibration.observation.equations import covariance
 from calibration.simulation.simulate import tracker_pose
 from calibration.simulation.true_model import random_true_model
 from kinematics.machine import Machine
@@ -227,8 +226,8 @@ def test_scatter_counts_as_far_as_it_exceeds_the_sheet(tmp_path: Path) -> None:
     head = "\n".join(f"# {key}: {value}" for key, value in header(BZT).items())
     body = "X,Y,Z,x,y,z,scatter_um\n0,0,0,1000,0,0,0.1\n10,0,0,1010,0,0,50\n20,0,0,1020,0,0,0\n"
     measurement = read_measurement(write(tmp_path / "data.csv", f"{head}\n{body}"), BZT)
-    sheet = covariance(replace(measurement, scatter=None))
-    own = covariance(measurement)
+    sheet = replace(measurement, scatter=None).covariances
+    own = measurement.covariances
     np.testing.assert_array_equal(own[[0, 2]], sheet[[0, 2]])
     assert np.trace(own[1]) / 3.0 == pytest.approx(0.05**2)
     with (tmp_path / "again.csv").open("wb") as file:

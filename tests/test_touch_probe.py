@@ -26,11 +26,9 @@ from calibration.measurement.file import read_measurement
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Distance, Target
 from calibration.measurement.written_file import write_measurement
-from calibration.observation import equations
 from calibration.observation.full_model import parse_basis, with_effects
 from calibration.observation.mean_lines import mean_line
 from calibration.observation.normal_equations import NormalEquations, residuals
-from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import sanity
 from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
 from calibration.simulation.touch_probe import PLACED_MM, Spheres
@@ -72,7 +70,7 @@ def test_a_file_of_centres(read):
     assert measured.distances == (Distance("s1", "s2", 300.0012, 0.0005),)
     assert not measured.observed.any()
     assert not measured.notes
-    np.testing.assert_allclose(equations.covariance(measured), np.tile(2.25e-6 * np.eye(3), (2, 1, 1)))
+    np.testing.assert_allclose(measured.covariances, np.tile(2.25e-6 * np.eye(3), (2, 1, 1)))
 
 
 def test_readings_of_an_r_test_point_from_the_tip_to_the_centre_in_the_directions_of_the_tool(read):
@@ -159,7 +157,7 @@ def test_the_actual_tip_is_in_the_actual_centre(name):
 
 def test_noise_is_that_of_the_instrument():
     measured, model = probed("dmu50", 300, u_um=5.0)
-    off = residuals(measured, model, first_registration(measured)[0])
+    off = residuals(measured, model, measured.first_registration[0])
     for sphere in measured.spheres:
         off[measured.groups == sphere] -= off[measured.groups == sphere].mean(axis=0)
     assert np.std(off) * 1e3 == pytest.approx(5.0, rel=0.1)
@@ -183,7 +181,7 @@ def test_outliers_are_in_the_recorded_positions():
 
 def test_distances_are_rows_of_the_normal_equations():
     measured, _ = probed("dmu50", 5, spheres=spheres_of("dmu50", 3, {("s1", "s2"): 0.01, ("s3", "s1"): 0.02}))
-    registration, _ = first_registration(measured)
+    registration, _ = measured.first_registration
     design = distance_design(measured.distances, registration)
     before = distance_residuals(measured.distances, registration)
     for k in range(design.shape[1]):

@@ -13,7 +13,7 @@ import machines
 from calibration.diagnosis.conclusion.fitted_rows import FittedRows
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.normal_equations import whitened
 from calibration.reports.causes.figures import cause_figure
 from calibration.reports.causes.views import VIEWS, views
 from kinematics.effects import EFFECTS, Backlash, CrossAxis, Cyclic, GrowthWithTime, Outliers
@@ -36,7 +36,7 @@ def seen_with(effect, machine, n=300, seed=1):
     observed = exact.instrument.expected(exact, pose_of(["s1", "s2"]), model.observation(machine, state))
     noise = np.linalg.cholesky(TRACKER.covariance(observed)) @ np.random.default_rng(seed).normal(size=(n, 3, 1))
     found = fit(replace(exact, observed=observed + noise[:, :, 0]), model)
-    white = whiteners(found.measurement)
+    white = found.measurement.whiteners
     transform = TRACKER.transform(found.measurement, found.registration)
     rows = FittedRows(found.measurement, white @ transform, whitened(white, found.residual), found.kept)
     return rows, found.model.effects[0]

@@ -20,7 +20,6 @@ from virtual_machine.session import Session
 import machines
 from calibration.measurement.file import read_measurement
 from calibration.measurement.measurement import Measurement
-from calibration.observation.equations import covariance
 from calibration.registration.registration import Registration
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
@@ -266,7 +265,7 @@ def test_noise_has_the_covariance_that_the_header_states(tmp_path):
     exact = observe.without_noise(setup)
     measurement = read(setup, tmp_path)
     whitened = np.linalg.solve(
-        np.linalg.cholesky(covariance(replace(measurement, observed=exact))), (readings - exact)[:, :, None]
+        np.linalg.cholesky(replace(measurement, observed=exact).covariances), (readings - exact)[:, :, None]
     )
     products = whitened[:, :, 0].T @ whitened[:, :, 0] / len(session)
     np.testing.assert_allclose(products, np.eye(3), atol=0.08)

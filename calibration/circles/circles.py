@@ -9,7 +9,6 @@ import numpy as np
 
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.misfit import misfit
-from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -62,7 +61,7 @@ def circles_of(measurement: Measurement) -> list[Circle]:
     assert measurement.feed is not None
     residual, registration = misfit(measurement)
     good = np.abs(residual[:, 0]) < GROSS_MM
-    points = nominal_points(measurement)
+    points = measurement.nominal_points
     centres = registration.sphere_centres
     arms = points - np.array([centres[name] for name in measurement.groups.tolist()])
     runs = list(dict.fromkeys(measurement.run.tolist()))

@@ -11,8 +11,6 @@ import numpy as np
 from calibration.instruments import Instrument
 from calibration.measurement.measurement import Distance, Measurement
 from calibration.measurement.plan import Plan
-from calibration.observation import equations
-from calibration.observation.normal_equations import whiteners
 from calibration.observation.reach import Reach, in_reach
 from calibration.registration.registration import Registration
 from calibration.simulation.simulate import observe, stationed, tracker_pose, with_temperatures
@@ -123,9 +121,9 @@ def _in_reach(
 
 def _weights(measurement: Measurement, weighting: Weighting) -> tuple[Array, Array]:
     """Weights and weighted noise `(n, d, d)`."""
-    full = whiteners(measurement)
+    full = measurement.whiteners
     if weighting == "full":
         return full, np.broadcast_to(np.eye(full.shape[1]), full.shape)
-    covariance = equations.covariance(measurement)
+    covariance = measurement.covariances
     white = np.eye(full.shape[1]) / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :, None]
     return white, white @ np.linalg.inv(full)

@@ -16,7 +16,6 @@ from calibration.gaussian_terms.geometry import motions
 from calibration.gaussian_terms.given.larger_range import extended, larger_ranges
 from calibration.gaussian_terms.observations import Observations
 from calibration.measurement.measurement import Measurement
-from calibration.observation.outliers import duplicates
 from calibration.plausibility.finding import Finding
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, numbered, silent
@@ -47,7 +46,7 @@ def diagnose(
     checking, searching, concluding = (numbered(progress, number, STEPS) for number in range(1, STEPS + 1))
     checking("checking the data")
     measurement, findings, _ = checked_data(measurement, misplaced=False)
-    measurement = measurement.rows(np.flatnonzero(~duplicates(measurement)))
+    measurement = measurement.rows(np.flatnonzero(~measurement.copies))
     given = None
     if calibration is not None:
         given, further = _of_other_data(calibration, measurement)

@@ -19,7 +19,7 @@ from calibration.evaluation.volumetric import rigid_columns
 from calibration.fit.linear import column_space
 from calibration.fit.location_errors import split_locations
 from calibration.measurement.measurement import Measurement
-from calibration.observation.mean_lines import arms_of, line_at_centre
+from calibration.observation.mean_lines import line_at_centre
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Effect, Scale
 from kinematics.effects.base import own_component, own_motion
@@ -91,7 +91,7 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
         columns = alone.design(machine, some.state, transform).reshape(-1, 1) * line.parameters[0]
         return float(np.linalg.norm(rigid.removed(columns)) / np.sqrt(len(rows))) * UM
 
-    lines = tuple(_differences(machine, present, new, arms_of(some)))
+    lines = tuple(_differences(machine, present, new, some.arms))
     (now, u_now), (before, u_before) = predicted(new), predicted(present)
     squares = np.sum((now - before).reshape(-1, seen) ** 2, axis=1)
     return MachineChange(

@@ -16,7 +16,7 @@ from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability
 from calibration.fit.prediction import RelativeDeviation, relative_at_most
 from calibration.measurement.measurement import Measurement
-from calibration.observation.normal_equations import decorrelation_of, whitened, whiteners
+from calibration.observation.normal_equations import decorrelation_of, whitened
 from calibration.observation.outliers import MOST, too_many
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
@@ -178,7 +178,7 @@ def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) 
         )
     kept = found.good
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
-    squares = float(np.sum(decorrelation_of(kept).apply(whitened(whiteners(kept), before)) ** 2))
+    squares = float(np.sum(decorrelation_of(kept).apply(whitened(kept.whiteners, before)) ** 2))
     if found.rms_um > rms_um and found.chi2 > squares:
         sizes = rounded(found.rms_um, 3), rounded(rms_um, 3)
         return f"the fit leaves {sizes[0]} um RMS, more than the nominal machine ({sizes[1]} um). {advice}"

@@ -37,7 +37,7 @@ from calibration.fit.set_up.target_positions import TargetPosition, at_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.normal_equations import whitened
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import usable
 from calibration.plausibility.finding import Finding
@@ -225,7 +225,7 @@ def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
     found: another fit of the same registration, which kept these rows; chi2 is by the instrument specification.
     """
     in_um = residual * found.good.per_micro
-    chi2 = float(np.sum(whitened(whiteners(replace(found.good, noise=None)), residual) ** 2))
+    chi2 = float(np.sum(whitened(replace(found.good, noise=None).whiteners, residual) ** 2))
     degrees_of_freedom = max(found.observations - len(found.registration.names), 1)
     rms, largest = float(np.sqrt(np.mean(in_um**2))), float(np.linalg.norm(in_um, axis=1).max())
     return rms, largest, chi2 / degrees_of_freedom

@@ -25,7 +25,6 @@ from calibration.observation.normal_equations import (
     assemble,
     residuals,
     whitened,
-    whiteners,
 )
 from calibration.observation.outliers import Variance, refuse_lines
 from calibration.observation.stops_and_lines import held_out_blocks, lines
@@ -261,7 +260,7 @@ def predicted_by_others(
     if 2 * predicted.sum() < len(good):
         return None
     part = good.rows(predicted)
-    return summed_up(unexplained[:, predicted], whiteners(part), part.per_micro, labels[predicted], name)
+    return summed_up(unexplained[:, predicted], part.whiteners, part.per_micro, labels[predicted], name)
 
 
 def uncorrected(model: ErrorModel) -> ErrorModel:

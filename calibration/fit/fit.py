@@ -18,12 +18,10 @@ from scipy import special
 from calibration.fit.problem import Point, Problem, Solved
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import priors
-from calibration.observation.normal_equations import decorrelation_of, whitened, whiteners
+from calibration.observation.normal_equations import decorrelation_of, whitened
 from calibration.observation.outliers import (
     LeftOut,
     Variance,
-    duplicates,
-    first_registration,
     huber_weights,
     largest_distance,
     outlying,
@@ -112,7 +110,7 @@ class Fit:
         if self.measurement.noise is None:
             return self.chi2 / self.degrees_of_freedom
         kept = replace(self.measurement, noise=None).rows(self.kept)
-        return float(np.sum(whitened(whiteners(kept), self.residual[self.kept]) ** 2)) / self.degrees_of_freedom
+        return float(np.sum(whitened(kept.whiteners, self.residual[self.kept]) ** 2)) / self.degrees_of_freedom
 
     @property
     def p_value(self) -> float:
@@ -132,7 +130,7 @@ class Fit:
     @property
     def white(self) -> Array:
         """Residuals `(n, d)` of all rows in units of the noise of the fit; those of one stop are independent."""
-        own = whitened(whiteners(self.measurement), self.residual)
+        own = whitened(self.measurement.whiteners, self.residual)
         return np.asarray(decorrelation_of(self.measurement).apply(own) / self.variance_factor**0.5)
 
     @property
@@ -178,7 +176,7 @@ class Fit:
 
         A row that was left out counts with the distance from which rows are left out.
         """
-        white = whiteners(self.measurement)
+        white = self.measurement.whiteners
         volume = float(np.sum(np.linalg.slogdet(white[~self.copies])[1]))
         volume += decorrelation_of(self.measurement, self.kept.astype(float)).log_determinant
         lost = np.count_nonzero(~self.kept & ~self.copies)
@@ -214,7 +212,7 @@ def fit(
         point.registration,
         point.residual,
         kept,
-        duplicates(measurement),
+        measurement.copies,
         left_out.suspected,
         left_out.failed,
         problem.away(point.parameters),
@@ -237,8 +235,8 @@ class _Solution(NamedTuple):
 
 def _converged(problem: Problem, variance: Variance, near: Fit | None) -> tuple[_Solution, float]:
     """The solution by at most ENOUGH_ROWS of the trusted rows, and the smallest variance factor that they permit."""
-    registration, trusted = first_registration(problem.measurement)
-    some = _some(np.flatnonzero(trusted & ~duplicates(problem.measurement)))
+    registration, trusted = problem.measurement.first_registration
+    some = _some(np.flatnonzero(trusted & ~problem.measurement.copies))
     iterated = problem.rows(some)
     if near is None:
         first = iterated.point(np.array(problem.model.parameters), registration)
@@ -337,7 +335,7 @@ def _left_out(
     problem: Problem, point: Point, effective_parameters: float, least: float, *, stay: bool = False
 ) -> LeftOut:
     """The rows to leave out, and the stations that failed as a whole; stay: no single rows."""
-    components, copies = problem.measurement.components, duplicates(problem.measurement)
+    components, copies = problem.measurement.components, problem.measurement.copies
     distances = problem.distances(point)
     factor = robust_factor(distances[~copies], components, effective_parameters, least, problem.stop[~copies])
     return LeftOut.of(problem.measurement, outlying(distances, components, factor) & ~copies, stay=stay)

@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.fit.datum import DATUM_SLOPES, along_own_line, to_datum
 from calibration.measurement.measurement import Measurement
-from calibration.observation.mean_lines import AT_ORIGIN, about_own_points, arms_of, line_at_centre
+from calibration.observation.mean_lines import AT_ORIGIN, about_own_points, line_at_centre
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
 from kinematics.error_model.covariance import propagated
 from kinematics.error_model.model import ErrorModel
@@ -33,7 +33,7 @@ def model_in_datum(model: ErrorModel, measurement: Measurement, prior: Array) ->
 
     prior `(p,)`: prior sizes of its parameters, in their units.
     """
-    machine, arms = measurement.machine, arms_of(measurement)
+    machine, arms = measurement.machine, measurement.arms
     moved = transformed(model, model.effects, to_datum(machine, model, prior, arms))
     moved = transformed(moved, *about_own_points(moved))
     return transformed(moved, *split_locations(machine, moved, arms))

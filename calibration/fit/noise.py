@@ -20,8 +20,7 @@ from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.normal_equations import whitened
 from calibration.observation.outliers import outlying, robust_factor
 from kinematics.effects.base import own_motion, unit_of
 from kinematics.error_model.effect_sums import Design
@@ -325,7 +324,7 @@ class _Components:
             axes,
             _arms(found, some, axes),
             numbers[rows],
-            equations.specified_covariance(some),
+            some.specified_covariances,
         )
 
     @cached_property
@@ -346,7 +345,7 @@ class _Components:
         noise = None
         if estimate is not None:
             noise = EstimatedNoise(estimate.factor, {}, self.stop, self.arms * np.sqrt(estimate.of_axes))
-        white = whiteners(replace(self.measurement, noise=noise))
+        white = replace(self.measurement, noise=noise).whiteners
         distances = np.sum(whitened(white, self.residual) ** 2, axis=1)
         d = self.residual.shape[1]
         return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0, self.stop)))
@@ -372,7 +371,7 @@ class _Components:
     def repeated(self, estimate: _Estimate) -> _Estimate:
         """The estimate, each variance limited to the scatter of visits of the same positions, where these suffice."""
         position, same = self._position, self._same
-        white = whiteners(replace(self.measurement, noise=None))
+        white = replace(self.measurement, noise=None).whiteners
         readings = (white @ self.residual[:, :, None])[:, :, 0]
         factor = _limited(estimate.factor, 1.0, readings, np.ones(len(readings)), same)
         white = white / np.sqrt(factor)

@@ -20,7 +20,6 @@ from calibration.observation.normal_equations import (
     derivatives,
     residuals,
     whitened,
-    whiteners,
 )
 from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel
@@ -125,7 +124,7 @@ class Problem:
     @classmethod
     def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
         """The problem, whitened by the covariance of the measurement."""
-        return cls(measurement, model, whiteners(measurement), measurement.stops, prior)
+        return cls(measurement, model, measurement.whiteners, measurement.stops, prior)
 
     def rows(self, index: np.ndarray) -> Problem:
         """The problem with some of its rows."""

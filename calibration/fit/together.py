@@ -40,7 +40,7 @@ from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import least_priors, priors
-from calibration.observation.mean_lines import arms_of, centred
+from calibration.observation.mean_lines import centred
 from calibration.observation.outliers import Variance
 from calibration.plausibility.finding import Finding
 from kinematics.basis import Basis
@@ -363,7 +363,7 @@ def _model(machine: Machine, models: Sequence[ErrorModel], arms: Mapping[str, Ar
 
 def _arms(measurements: Sequence[Measurement]) -> dict[str, Array]:
     """The mean arms of the centres of all measurements, as `arms_of`."""
-    every = [arms_of(each) for each in measurements]
+    every = [each.arms for each in measurements]
     axes = dict.fromkeys(axis for own in every for axis in own)
     return {axis: np.mean([own[axis] for own in every if axis in own], axis=0) for axis in axes}
 

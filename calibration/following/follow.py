@@ -13,7 +13,6 @@ from calibration.following.parameters import Touches, touches_of
 from calibration.following.terms import Follows, Structure
 from calibration.following.walk import Sizes
 from calibration.plausibility.mistakes import FALLS, PLAUSIBLE, UNITS, explained
-from calibration.registration.observed_points import nominal_points
 from kinematics.effects.base import UM
 from kinematics.files.number_text import odds_by_log
 from kinematics.running.progress import Progress, silent
@@ -190,7 +189,7 @@ def _from_spheres(measurement: Measurement) -> float:
     limit = measurement.machine.priors.largest_correction_um * UM
     shown = np.diagonal(covariances, axis1=1, axis2=2) < limit**2
     centres = np.array([measurement.spheres[name] for name in measurement.groups])
-    off = (centres + measurement.observed - nominal_points(measurement)) * shown
+    off = (centres + measurement.observed - measurement.nominal_points) * shown
     return float(np.median(np.linalg.norm(off, axis=1)))
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from calibration.registration.observed_points import derivatives_by_errors, nominal_points
+from calibration.registration.observed_points import derivatives_by_errors
 from kinematics.effects import DriftWithSensor, Effect, GrowthWithSensor, LocationJump, Scale, ToolShift
 from kinematics.effects.base import UM, own_component
 from kinematics.effects.combined.thermal import DistortionWithSensor
@@ -58,7 +58,7 @@ class Touches:
 def touches_of(measurement: Measurement) -> Touches:
     """The readings of a measurement, and the parameters that they can show."""
     places = _places(measurement)
-    values = (measurement.observed - nominal_points(measurement)) / UM
+    values = (measurement.observed - measurement.nominal_points) / UM
     for place in range(places.max() + 1):
         values[places == place] -= np.median(values[places == place], axis=0)
     covariances = measurement.instrument.row_covariances(measurement) / UM**2

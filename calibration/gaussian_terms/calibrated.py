@@ -11,7 +11,6 @@ from calibration.fit.location_errors import model_in_datum
 from calibration.gaussian_terms.given.merged import merged
 from calibration.gaussian_terms.structure import Structure
 from calibration.measurement.measurement import Measurement
-from calibration.observation.mean_lines import arms_of
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.transforms import Array
@@ -50,6 +49,6 @@ def machine_model(
     whole = whole.with_parameters(parameters, covariance)
     machine = whole.part(lambda effect: effect.ACTS_ON != "instrument")
     if given is not None:
-        return merged(measurement.machine, machine, len(given.effects), arms_of(measurement))
+        return merged(measurement.machine, machine, len(given.effects), measurement.arms)
     own = np.repeat([effect.ACTS_ON != "instrument" for effect in effects], [len(e.parameters) for e in effects])
     return model_in_datum(machine, measurement, prior[own])

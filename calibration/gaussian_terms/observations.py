@@ -13,9 +13,7 @@ import numpy as np
 
 from calibration.gaussian_terms.term import Along
 from calibration.measurement.measurement import Measurement
-from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import residuals
-from calibration.observation.outliers import first_registration
 from calibration.registration.registration import Registration
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.effects.base import own_component
@@ -81,7 +79,7 @@ class Observations:
             residual,
             transform,
             instrument.registration_design(measurement, registration),
-            specified_covariance(measurement) / counts[:, None, None],
+            measurement.specified_covariances / counts[:, None, None],
             instrument.stated_design(measurement, registration),
             instrument.stated_residuals(measurement, registration),
             counts,
@@ -145,11 +143,11 @@ def with_short_stops(measurement: Measurement) -> tuple[Measurement, np.ndarray]
 
 def registered(measurement: Measurement, model: ErrorModel) -> Registration:
     """The registration of a machine with these errors: least squares, without rows that are far off."""
-    registration, trusted = first_registration(measurement)
+    registration, trusted = measurement.first_registration
     if not model.effects:
         return registration
     instrument = measurement.instrument
-    white = np.linalg.inv(np.linalg.cholesky(specified_covariance(measurement)[trusted]))
+    white = np.linalg.inv(np.linalg.cholesky(measurement.specified_covariances[trusted]))
     for _ in range(STEPS):
         rows = white @ instrument.registration_design(measurement, registration)[trusted]
         own = white @ residuals(measurement, model, registration)[trusted][:, :, None]

@@ -21,7 +21,6 @@ from calibration.gaussian_terms.outliers import outlying
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.gaussian_terms.term import Term
 from calibration.gaussian_terms.whitened import Whitener
-from calibration.observation.outliers import first_registration
 from kinematics.error_model.priors import SIZES, Priors
 from kinematics.transforms import Array
 
@@ -50,7 +49,7 @@ class Data:
     @classmethod
     def of(cls, observations: Observations, always: Geometry | None = None) -> Data:
         """The data of observations; always: columns that are always present, by default all error motions."""
-        _, trusted = first_registration(observations.measurement)
+        _, trusted = observations.measurement.first_registration
         always = geometry(observations) if always is None else always
         least = observations.priors.least_noise**2
         return cls(observations, always, stops_of(observations), ~trusted, least)

@@ -17,7 +17,6 @@ from calibration.registration.observed_points import (
     carried,
     derivatives_by_errors,
     derivatives_by_positions,
-    nominal_points,
     target_points,
 )
 from calibration.registration.registration import PLANAR, RIGID, Registration, rigid
@@ -43,7 +42,7 @@ class OfPoints(InstrumentBase, frozen=True):
         """
         names, groups = np.unique(measurement.groups).tolist(), measurement.groups
         planar = measurement.instrument.components == 2
-        points = nominal_points(measurement)
+        points = measurement.nominal_points
         # z of a part that is measured in x and y is nominal
         observed = np.concatenate([measurement.observed, points[:, measurement.instrument.components :]], axis=1)
         known = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
@@ -119,7 +118,7 @@ class OfPoints(InstrumentBase, frozen=True):
 
     def aimed_at(self, blank: Measurement, registration: Registration) -> Array | None:
         """Nominal points: the influence of machine errors on the beam to them is negligible."""
-        return registration.apply(blank, nominal_points(blank))
+        return registration.apply(blank, blank.nominal_points)
 
     def by_axes(self, measurement: Measurement, registration: Registration) -> Array:
         """See `InstrumentBase.by_axes`."""
@@ -162,7 +161,7 @@ class OfDistances(OfPoints, frozen=True):
 
 def directions(measurement: Measurement, registration: Registration) -> Array:
     """Unit vectors `(n, 3)` from the centres to the targets of the nominal machine."""
-    points = registration.apply(measurement, nominal_points(measurement))
+    points = registration.apply(measurement, measurement.nominal_points)
     return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
 
 

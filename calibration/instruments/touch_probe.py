@@ -18,7 +18,6 @@ import numpy as np
 from calibration.instruments.distances import distance_design, distance_residuals
 from calibration.instruments.of_points import OfPoints
 from calibration.instruments.targets import Distance, Target
-from calibration.registration.observed_points import nominal_points
 from calibration.registration.registration import SHIFTS, Registration
 from kinematics.forward import forward
 from kinematics.machine import Machine, Vector
@@ -115,7 +114,7 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
                 f"{measurement.source} {SHOWS}.{name}: {' '.join(shown)}: a feature that is no sphere shows a drift "
                 "(ncomp drift), and no errors of a machine: leave its rows out"
             )
-        shifts, groups = measurement.observed - nominal_points(measurement), measurement.groups
+        shifts, groups = measurement.observed - measurement.nominal_points, measurement.groups
         poses, centres = {}, {}
         for name in np.unique(groups).tolist():
             mine = groups == name

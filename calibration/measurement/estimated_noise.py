@@ -22,6 +22,8 @@ UNLESS = (
     ", unless the model lacks errors of this size that recur with the position: too few positions were measured again "
     "to decide that"
 )
+CERTAIN = 1e-6
+"""Share of the largest standard uncertainty of a row below which another counts as zero."""
 LEAST = 1e-6
 """Least share of a row's variance that is its own, and not its stop's."""
 
@@ -163,3 +165,18 @@ class Decorrelation:
             some = table[each.rows]
             result[each.rows] = (own @ some.reshape(*own.shape[:2], -1)).reshape(some.shape)
         return result
+
+
+def inverse_roots(covariances: Array) -> Array | None:
+    """Matrices W `(n, d, d)` with W C W' = 1 of covariances C; Montavon et al., weights by Cholesky.
+
+    None where the uncertainty of a row is zero in some direction.
+    """
+    try:
+        root = np.linalg.cholesky(covariances)
+    except np.linalg.LinAlgError:
+        return None
+    sizes = np.diagonal(root, axis1=1, axis2=2)
+    if (sizes.min(axis=1) < CERTAIN * sizes.max(axis=1)).any():
+        return None
+    return np.asarray(np.linalg.inv(root))

@@ -12,27 +12,23 @@ import numpy as np
 
 from calibration.instruments import Instrument
 from calibration.instruments.targets import SPINDLE_NOSE, Carrier, Distance, Target
-from calibration.measurement.estimated_noise import EstimatedNoise
+from calibration.measurement.estimated_noise import EstimatedNoise, inverse_roots
+from calibration.registration.derived import unchangeable
+from calibration.registration.first import first_registration
+from calibration.registration.measured_centre import arms_of
+from calibration.registration.observed_points import target_points
+from calibration.registration.registration import Registration
 from kinematics.basis import Interval
 from kinematics.effects.base import own_component
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE, State, with_moves
 from kinematics.transforms import Array, read_only
 from kinematics.turn import measured_arc, swept_arc
+from kinematics.user_error import UserError
 from rendering.shown import Shown
 
-__all__ = [
-    "SPINDLE_NOSE",
-    "STANDSTILL",
-    "AcrossPath",
-    "Carrier",
-    "Distance",
-    "Measurement",
-    "Target",
-    "changed",
-    "in_space",
-    "with_moves",
-]
+__all__ = ["SPINDLE_NOSE", "STANDSTILL", "AcrossPath", "Carrier", "Distance", "Measurement", "Target"]
+__all__ += ["changed", "in_space", "with_moves"]
 
 STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
@@ -277,6 +273,71 @@ class Measurement(Shown):
     def straightness(self) -> np.ndarray:
         """Mask `(n,)` of the observations across the line of a linear axis."""
         return read_only(np.asarray(~self.positioning & ~self.angular))
+
+    @cached_property
+    def nominal_points(self) -> Array:
+        """Targets `(n, 3)`, mm, of the nominal machine, where they are stated to be; as `target_points`."""
+        return read_only(target_points(self, None, self.tool))
+
+    @cached_property
+    def first_registration(self) -> tuple[Registration, np.ndarray]:
+        """A registration on the nominal machine, and a mask `(n,)` of the rows in it: those without gross errors."""
+        return unchangeable(first_registration(self))
+
+    @cached_property
+    def arms(self) -> Mapping[str, Array]:
+        """The arms of the centre of the measured points, by linear axis, as `arms_of`."""
+        return unchangeable(arms_of(self))
+
+    @property
+    def specified_covariances(self) -> Array:
+        """Covariances `(n, d, d)`, mm2 or rad2, by the instrument's specification; rows in motion are means.
+
+        Specification and scatter describe the same readings (GUM 4.3.10): scatter counts as far as it exceeds the
+        specification of the instrument.
+        """
+        return self.instrument.row_covariances(self)
+
+    @property
+    def covariances(self) -> Array:
+        """Covariances `(n, d, d)`, mm2 or rad2, of the components that count, each row by itself.
+
+        By the estimated noise, else by the specification.
+        """
+        specified = self.specified_covariances
+        return specified if self.noise is None else self.noise.covariance(specified)
+
+    @cached_property
+    def whiteners(self) -> Array:
+        """Matrices W `(n, d, d)` that make the noise of each row white: W C W' = 1.
+
+        UserError for an instrument without uncertainty in some direction.
+        """
+        found = inverse_roots(self.covariances)
+        if found is None:
+            keys = [field for field in self.instrument.__struct_fields__ if field.startswith("u_")]
+            raise UserError(
+                f"{self.source}: the uncertainty of the instrument is zero in some direction, so that the weight of "
+                f"its rows has no limit: state {', '.join(keys)} (k=1)"
+            )
+        return read_only(found)
+
+    @cached_property
+    def copies(self) -> np.ndarray:
+        """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats.
+
+        A single number, such as an interferometer's reading to 0.01 um, can recur by chance: without a time such rows
+        are repeats.
+        """
+        time = self.state.time
+        if self.instrument.components == 1 and time is None:
+            return read_only(np.zeros(len(self), bool))
+        _, group = np.unique(self.groups, return_inverse=True)
+        columns = [self.state.positions, self.observed, self.target_number[:, None], group[:, None]]
+        table = np.concatenate([*columns, *([] if time is None else [time[:, None]])], axis=1)
+        copy = np.ones(len(self), bool)
+        copy[np.unique(table, axis=0, return_index=True)[1]] = False
+        return read_only(copy)
 
     def rows(self, index: slice | np.ndarray) -> Measurement:
         """The measurement with some of its rows; approach and last move do not change."""

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.observation.mean_lines import arms_of, centred, sizes_for_slope
+from calibration.observation.mean_lines import centred, sizes_for_slope
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Interval, Legendre, Polynomial
 from kinematics.effects import Backlash, Component, Effect, ErrorMotion
 from kinematics.effects.base import UM, own_component
@@ -126,7 +126,7 @@ def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> li
         ]
     shown = measurement.instrument.motions_shown(measurement, axis)
     motions = [ErrorMotion(component, axis, basis, zero, u=zero) for component in shown]
-    return list(centred(motions, arms_of(measurement)))
+    return list(centred(motions, measurement.arms))
 
 
 def _at_targets(measurement: Measurement, axis: str, choice: BasisChoice) -> Basis:

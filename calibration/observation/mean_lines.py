@@ -10,22 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.measurement import Measurement
-from calibration.registration.derived import derived
-from calibration.registration.observed_points import derivatives_by_errors
 from kinematics.basis import Basis
 from kinematics.effects import COMPONENTS, CentredMotion, Effect, ErrorMotion
 from kinematics.effects.base import UM, URAD
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import error_transform_with_tool
 from kinematics.transforms import Array
 
 SLOPING = 1e-6
 """Part in the slope, as a share of the largest one, from which a parameter counts."""
 
 
-MOST = 1000
-"""Largest number of rows, evenly spread, from which the centre of the measured points is calculated."""
 AT_ORIGIN: Mapping[str, Array] = {}
 """The arms of points at the origin of the frame, about which the error motions of every linear axis are written."""
 
@@ -55,30 +49,6 @@ def sizes_for_slope(basis: Basis, slope: float) -> Array:
     parts = np.abs(mean_line(basis).slope)
     parts[parts < SLOPING * parts.max(initial=0.0)] = 0.0
     return np.asarray(slope * parts / np.sqrt(np.sum(parts**4)))
-
-
-@derived
-def arms_of(measurement: Measurement) -> Mapping[str, Array]:
-    """Displacements `(3, 3)` of the centre of the measured points by the rotations A, B, C of each linear axis, mm/rad.
-
-    They are in the axis' error frame. With them the convention of a fit refers to the points that were measured,
-    wherever the origin of the frame lies. The centre is the middle between the ends, so that it does not depend on
-    copies of rows. Axes between which and the instrument no target lies are missing.
-    """
-    few = measurement.rows(np.unique(np.linspace(0, len(measurement) - 1, min(len(measurement), MOST)).astype(int)))
-    machine, state = few.machine, few.state
-    if few.instrument.OBSERVES == "deviation":
-        transform = error_transform_with_tool(machine, state.positions, few.tool)[:, :3]
-    else:
-        transform = derivatives_by_errors(few, few.tool)
-    found = {}
-    for i, axis in enumerate(machine.axes):
-        shifts, turns = transform[:, :, 6 * i : 6 * i + 3], transform[:, :, 6 * i + 3 : 6 * i + 6]
-        seen = shifts.any(axis=(1, 2))
-        if not axis.rotary and seen.any():
-            arms = np.swapaxes(shifts[seen], 1, 2) @ turns[seen]
-            found[axis.name] = (arms.min(axis=0) + arms.max(axis=0)) / 2.0
-    return found
 
 
 def centred(effects: Sequence[Effect], arms: Mapping[str, Array]) -> tuple[Effect, ...]:

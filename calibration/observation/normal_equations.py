@@ -11,16 +11,10 @@ import numpy as np
 
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
 from calibration.observation.products import ModelProducts, Products, between
-from calibration.registration.derived import derived
 from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.transforms import Array, blocks
-from kinematics.user_error import UserError
-
-CERTAIN = 1e-6
-"""Share of the largest standard uncertainty of a row below which another counts as zero."""
 
 
 @dataclass
@@ -104,30 +98,9 @@ class Derivatives(NamedTuple):
         return normal.in_order(self.order)
 
 
-@derived
-def whiteners(measurement: Measurement) -> Array:
-    """Matrices W `(n, d, d)` that make the noise of each row white: W C W' = 1; Montavon et al., weights by Cholesky.
-
-    UserError for an instrument without uncertainty in some direction.
-    """
-    try:
-        root = np.linalg.cholesky(equations.covariance(measurement))
-        sizes = np.diagonal(root, axis1=1, axis2=2)
-        certain = np.flatnonzero(sizes.min(axis=1) < CERTAIN * sizes.max(axis=1))
-    except np.linalg.LinAlgError:
-        certain = np.zeros(1, int)
-    if len(certain):
-        keys = [field for field in measurement.instrument.__struct_fields__ if field.startswith("u_")]
-        raise UserError(
-            f"{measurement.source}: the uncertainty of the instrument is zero in some direction, so that the weight of "
-            f"its rows has no limit: state {', '.join(keys)} (k=1)"
-        )
-    return np.asarray(np.linalg.inv(root))
-
-
 def decorrelation_of(measurement: Measurement, weights: Array | None = None) -> Decorrelation:
     """The transform that makes whitened rows of one stop independent; with weights `(n,)` of the rows."""
-    return Decorrelation.of(measurement.noise, whiteners(measurement), weights)
+    return Decorrelation.of(measurement.noise, measurement.whiteners, weights)
 
 
 def whitened(whitener: Array, residual: Array) -> Array:

@@ -20,10 +20,6 @@ from scipy import special
 
 from calibration.instruments.of_points import IN_LINE, width
 from calibration.measurement.measurement import Measurement
-from calibration.registration.derived import derived
-from calibration.registration.observed_points import nominal_points
-from calibration.registration.registration import Registration
-from kinematics.error_model.model import Observation
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -33,9 +29,6 @@ SIGNIFICANCE = 0.01
 """Probability that a measurement of n rows without outliers has a row rejected."""
 HUBER = 0.95
 """Share of good rows that keep their full weight."""
-ASTRAY = 10.0
-"""Multiple of the median deviation from the nominal machine, and at least 1 mm, above which a row is left out of the
-first registration."""
 FAILED = 0.5
 """Share of outliers among the rows of a station above which it has failed; largest share of rows of such stations."""
 MOST = 0.05
@@ -55,7 +48,7 @@ class LeftOut(NamedTuple):
     @classmethod
     def of(cls, measurement: Measurement, outlying: np.ndarray, *, stay: bool = False) -> LeftOut:
         """Rows to leave out, of those `outlying` `(n,)`; stay: all rows but copies and failed stations stay."""
-        copies = duplicates(measurement)
+        copies = measurement.copies
         failed = failed_stations(measurement.groups, outlying)
         lost = np.isin(measurement.groups, failed)
         if lost.mean() > FAILED:
@@ -119,51 +112,11 @@ def failed_stations(groups: np.ndarray, bad: np.ndarray) -> list[str]:
     return [name for name in names if bad[groups == name].mean() > FAILED] if len(names) > 1 else []
 
 
-@derived
-def duplicates(measurement: Measurement) -> np.ndarray:
-    """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats.
-
-    A single number, such as an interferometer's reading to 0.01 um, can recur by chance: without a time such rows are
-    repeats.
-    """
-    if measurement.instrument.components == 1 and measurement.state.time is None:
-        return np.zeros(len(measurement), bool)
-    columns = [measurement.state.positions, measurement.observed, measurement.target_number[:, None]]
-    _, group = np.unique(measurement.groups, return_inverse=True)
-    table = np.concatenate([*columns, group[:, None]], axis=1)
-    if measurement.state.time is not None:
-        table = np.concatenate([table, measurement.state.time[:, None]], axis=1)
-    _, first = np.unique(table, axis=0, return_index=True)
-    copy = np.ones(len(measurement), bool)
-    copy[first] = False
-    return copy
-
-
-@derived
-def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarray]:
-    """A registration on the nominal machine without rows with gross errors, and a mask `(n,)` of the rows in it."""
-    n = len(measurement)
-    nominal = Observation(np.zeros((n, len(measurement.machine.axes) + 1, 6)), np.zeros((n, 3)))
-    trusted = np.ones(n, bool)
-    for _ in range(10):
-        registration = measurement.instrument.first_registration(measurement, trusted)
-        residual = np.linalg.norm(
-            measurement.counted - measurement.instrument.expected(measurement, registration, nominal), axis=1
-        )
-        closer = residual <= max(1.0, ASTRAY * float(np.median(residual)))
-        if measurement.instrument.MAY_BE_FEW:  # errors of millimetres, and checked already: no row is astray
-            closer = trusted
-        if np.array_equal(closer, trusted):
-            break
-        trusted = closer
-    return registration, trusted
-
-
 def refuse_lines(measurement: Measurement) -> None:
     """UserError where a station observed points on one line only: its rotation about the line is undetermined."""
     if measurement.instrument.components < 3 or measurement.instrument.OBSERVES == "offset":
         return
-    points, groups = nominal_points(measurement), measurement.groups
+    points, groups = measurement.nominal_points, measurement.groups
     for name in np.unique(groups).tolist():
         mine = points[groups == name]
         if len(mine) > 2 and np.ptp(mine, axis=0).max() > IN_LINE > width(mine):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.registration.observed_points import carried, nominal_points
+from calibration.registration.observed_points import carried
 from calibration.registration.registration import Registration
 from kinematics.transforms import Array, Pose, turn
 
@@ -42,7 +42,7 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
 
     Each reflector is mounted so that its axis points to the tracker as well as possible over all its positions.
     """
-    points = nominal_points(measurement)
+    points = measurement.nominal_points
     own = Registration(poses).apply(measurement, points)
     length = np.linalg.norm(own, axis=1)
     reasons: dict[str, np.ndarray] = {}
@@ -64,7 +64,7 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
 
 def _incidence(measurement: Measurement, poses: Mapping[str, Pose]) -> Array:
     """Angles `(n,)`, degrees, between beam and reflector."""
-    points, groups = nominal_points(measurement), measurement.groups
+    points, groups = measurement.nominal_points, measurement.groups
     angle = np.empty(len(points))
     back = np.swapaxes(carried(measurement), 1, 2)
     for station, pose in poses.items():

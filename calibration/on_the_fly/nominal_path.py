@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.registration.observed_points import derivatives_by_positions, nominal_points
+from calibration.registration.observed_points import derivatives_by_positions
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -130,7 +130,7 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
         return Measurement(path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on)
 
     corner = at(vertices)
-    chords = np.diff(nominal_points(corner), axis=0)
+    chords = np.diff(corner.nominal_points, axis=0)
     lengths = np.linalg.norm(chords, axis=1)
     lengths[lengths < STANDSTILL] = 0.0
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -150,7 +150,7 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
         _vertex_index(segment, arc, s, lengths), np.arange(len(vertices)), _feed_distance(path, move)
     )
     return TargetPath(
-        length / count, positions, slopes, nominal_points(there),
+        length / count, positions, slopes, there.nominal_points,
         tangents / np.linalg.norm(tangents, axis=1, keepdims=True), feed_distance, corners, usable,
     )  # fmt: skip
 

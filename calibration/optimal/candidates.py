@@ -13,7 +13,6 @@ from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.plan import Choices
 from calibration.observation.reach import Reach, in_reach
 from calibration.planning.strategies import fixed_positions, limits, rounded
-from calibration.registration.observed_points import nominal_points
 from calibration.simulation.simulate import tracker_pose
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
@@ -114,7 +113,7 @@ def visible(
 ) -> np.ndarray:
     """Mask `(n,)` of the states whose target the instrument sees from its station, mm."""
     blank = Measurement(machine, instrument, state, np.zeros((len(state), 3)), targets)
-    points = nominal_points(blank)
+    points = blank.nominal_points
     free = np.zeros(len(state), bool)
     for name, position in stations.items():
         rows = np.flatnonzero(blank.groups == name)
@@ -137,7 +136,7 @@ def volume_of_targets(machine: Machine, choices: Choices) -> tuple[Array, Array]
     corners[:, linear] = list(itertools.product(*zip(low[linear], high[linear], strict=True)))
     state = with_set_ups(corners * machine.scale, list(choices.targets), ["1"])
     blank = Measurement(machine, LaserTracker(), state, np.zeros((len(state), 3)), choices.targets)
-    points = nominal_points(blank)
+    points = blank.nominal_points
     return points.min(axis=0), points.max(axis=0)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from calibration.measurement.measurement import STANDSTILL, Measurement
 from calibration.plausibility.recording_mistakes import Reversed
-from calibration.registration.observed_points import nominal_points
 from kinematics.machine import split_chain
 
 SAME = 1e-6
@@ -27,13 +26,13 @@ def other_chains(measurement: Measurement) -> Reversed:
     machine = measurement.machine
     links = machine.chain.split()[1:-1]
     moving = np.ptp(measurement.state.positions / machine.scale, axis=0) > STANDSTILL
-    known = [nominal_points(measurement)]
+    known = [measurement.nominal_points]
     for axis, moves in zip(machine.axes, moving.tolist(), strict=True):
         others = [link for link in links if link != axis.name]
         for place in range(len(links) if axis.rotary and moves else 0):
             chain = f"w {' '.join([*others[:place], axis.name, *others[place:]])} t"
             other = _in_order(measurement, chain)
-            points = nominal_points(other)
+            points = other.nominal_points
             if all(np.abs(points - each).max() > SAME for each in known):
                 known.append(points)
                 by = f"with the axes in the order {chain}"

@@ -15,7 +15,6 @@ import numpy as np
 from scipy import special
 
 from calibration.measurement.measurement import Measurement
-from calibration.observation.outliers import duplicates, first_registration
 from calibration.plausibility.circles import circle_mistakes
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.lengths import length_mistakes
@@ -54,7 +53,7 @@ class Check(NamedTuple):
 
 def sanity(measurement: Measurement) -> list[Finding]:
     """Findings on a measurement, fatal ones first; with a fatal finding most other checks are omitted."""
-    copies = duplicates(measurement)
+    copies = measurement.copies
     own = measurement.rows(np.flatnonzero(~copies))
     mistakes = _found_by(MISTAKES, own)
     odd = [*_copies(measurement, copies), *_found_by(NOTES, own)]
@@ -151,7 +150,7 @@ def _distances(measurement: Measurement) -> Iterator[Finding]:
     """Calibrated distances that differ from those of the found centres by more than any axis errs."""
     if not measurement.distances:
         return
-    centres = first_registration(measurement)[0].sphere_centres
+    centres = measurement.first_registration[0].sphere_centres
     for each in measurement.distances:
         if each.one in centres and each.other in centres:
             found = float(np.linalg.norm(centres[each.one] - centres[each.other]))

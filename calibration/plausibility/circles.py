@@ -11,7 +11,6 @@ from calibration.measurement.measurement import Measurement
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import misfit
 from calibration.plausibility.reversed_runs import reversed_runs
-from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 
 OFF_MM = 0.5
@@ -47,7 +46,7 @@ def circle_mistakes(measurement: Measurement) -> Iterator[Finding]:
         read = f"radius_mm reads {radius:.6g} mm in the median, but the bar is {length:g} mm long"
         yield Finding("units", f"{read}{_why(radius / length)}", True)
         return
-    points, own = nominal_points(measurement), np.array(next(iter(measurement.spheres.values())))
+    points, own = measurement.nominal_points, np.array(next(iter(measurement.spheres.values())))
     driven = float(np.median(np.linalg.norm(points - own, axis=1)))
     if abs(driven - length) > LENGTH_OFF_MM and _best_circle(points)[1] > OFF_MM:
         yield Finding("radius", _wrong_radius(measurement, points, driven, length), True)

@@ -16,9 +16,7 @@ from scipy import special
 from calibration.instruments.lengths.geometry import RULER, pairs_of
 from calibration.instruments.lengths.reading import UNNAMED
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
 from calibration.plausibility.finding import Finding
-from calibration.registration.observed_points import nominal_points
 from kinematics.files.number_text import rounded
 from kinematics.transforms import Array
 
@@ -56,8 +54,8 @@ class _Lengths:
     def of(cls, measurement: Measurement) -> _Lengths:
         """Those of which both ends are there."""
         first, second = pairs_of(measurement)
-        points = nominal_points(measurement)
-        variance = equations.covariance(measurement)[:, 0, 0]
+        points = measurement.nominal_points
+        variance = measurement.covariances[:, 0, 0]
         measured = measurement.observed[second, 0] - measurement.observed[first, 0]
         bent = BENT_MM + BENT_PER_MM * measured
         names = [_name(measurement, row) or _line(measurement, row) for row in first.tolist()]

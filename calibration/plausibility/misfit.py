@@ -6,7 +6,6 @@ import numpy as np
 
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import residuals
-from calibration.observation.outliers import first_registration
 from calibration.registration.derived import derived
 from calibration.registration.registration import Registration
 from kinematics.error_model.model import no_errors
@@ -19,7 +18,7 @@ TRIMMED = 50
 @derived
 def misfit(measurement: Measurement) -> tuple[Array, Registration]:
     """Residuals `(n, d)`, mm and rad, of the nominal machine, and its registration, robust to gross errors."""
-    registration, _ = first_registration(measurement)
+    registration, _ = measurement.first_registration
     return residuals(measurement, no_errors(measurement.machine), registration), registration
 
 

@@ -11,10 +11,8 @@ from calibration.instruments.of_points import IN_LINE, width
 from calibration.instruments.ranging.multilateration import LARGEST_MM
 from calibration.instruments.ranging.ranging import dead_lengths, least_rows, stations_of
 from calibration.measurement.measurement import Measurement
-from calibration.observation.outliers import first_registration
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import misfit
-from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 
 STATION_MM = 300.0
@@ -29,7 +27,7 @@ ENDS = 3
 
 def unlocated_stations(measurement: Measurement) -> Iterator[Finding]:
     """Findings for stations with too few ranges, with targets on one line, or with two places in question."""
-    groups, names, points = measurement.groups, dead_lengths(measurement), nominal_points(measurement)
+    groups, names, points = measurement.groups, dead_lengths(measurement), measurement.nominal_points
     for station in np.unique(groups).tolist():
         mine = np.flatnonzero(groups == station)
         dead = len(np.unique(names[mine]))
@@ -62,7 +60,7 @@ def unlocated_stations(measurement: Measurement) -> Iterator[Finding]:
 
 def misstated_stations(measurement: Measurement) -> Iterator[Finding]:
     """Findings for stations and dead lengths that are stated otherwise than the ranges show."""
-    registration, _ = first_registration(measurement)
+    registration, _ = measurement.first_registration
     for station, stated in measurement.spheres.items():
         found = registration.sphere_centres.get(station)
         away = 0.0 if found is None else float(np.linalg.norm(found - stated))
@@ -85,7 +83,7 @@ def _misstated_dead(measurement: Measurement) -> Iterator[Finding]:
     stated = own.stated_dead(measurement)
     if own.dead_u_um is not None:
         stated = dict.fromkeys(np.unique(names).tolist(), 0.0) | stated
-    registration, _ = first_registration(measurement)
+    registration, _ = measurement.first_registration
     for name, length in stated.items():
         off = registration.zeros[name] - length
         if abs(off) > max(DEAD_MM, 5e-3 * (own.dead_u_um or 0.0)):

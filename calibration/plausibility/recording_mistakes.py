@@ -15,7 +15,7 @@ import numpy as np
 from calibration.measurement.measurement import STANDSTILL, Measurement, Target
 from calibration.observation.normal_equations import residuals
 from calibration.plausibility.misfit import misfit
-from calibration.registration.observed_points import carried, nominal_points
+from calibration.registration.observed_points import carried
 from kinematics.error_model.model import no_errors
 from kinematics.machine import Vector
 from kinematics.transforms import Array
@@ -62,7 +62,7 @@ def _scale(measurement: Measurement) -> float | None:
     """Ratio of the distances between points to the commanded ones; None if there are none."""
     if measurement.instrument.OBSERVES in ("offset", "range"):  # the readings are no coordinates
         return None
-    points = nominal_points(measurement)[:, : measurement.instrument.components]
+    points = measurement.nominal_points[:, : measurement.instrument.components]
     nominal_spread, observed_spread = _spread(measurement, points), _spread(measurement, measurement.observed)
     if min(nominal_spread, observed_spread) <= 0.0:
         return None

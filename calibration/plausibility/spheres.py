@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from calibration.measurement.measurement import Measurement, Target
-from calibration.observation.outliers import ASTRAY
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import centred, misfit
 from calibration.plausibility.recording_mistakes import ROUNDS, Reversed, with_positions
+from calibration.registration.first import ASTRAY
 from calibration.registration.observed_points import carried
 from kinematics.transforms import Array
 

@@ -12,7 +12,6 @@ from calibration.design.volume import Volume, standing
 from calibration.instruments import TouchProbe
 from calibration.instruments.touch_probe import TIP
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.observation.normal_equations import whiteners
 from calibration.optimal.exchange import Selection, exchanged, filled
 from calibration.optimal.optimise import EXCHANGES, equations_of
 from calibration.probing.bodies import Bodies
@@ -72,7 +71,7 @@ def _set_up(bodies: Bodies, rows: Sequence[Reached], u_um: float) -> Setup:
         machine, TouchProbe(u_um=u_um), with_moves(state), np.zeros((n, 3)), {TIP: Target(tip)},
         spheres=dict(bodies.artefact.centres),
     )  # fmt: skip
-    white = whiteners(measured)
+    white = measured.whiteners
     noise = np.broadcast_to(np.eye(3), white.shape)
     return Setup(measured, measured.instrument.first_registration(measured, np.ones(n, bool)), None, white, noise, 0.0)
 

@@ -27,20 +27,20 @@ def derived(derive: Callable[[Measurement], T]) -> Callable[[Measurement], T]:
     def kept(measurement: Measurement) -> T:
         results = measurement._derived
         if kept not in results:
-            results[kept] = _read_only(derive(measurement))
+            results[kept] = unchangeable(derive(measurement))
         result: T = results[kept]
         return result
 
     return kept
 
 
-def _read_only(result: T) -> T:
+def unchangeable(result: T) -> T:
     """The same result; its arrays are read-only."""
     if isinstance(result, np.ndarray):
         read_only(result)
     elif isinstance(result, Mapping | tuple):
         for each in result.values() if isinstance(result, Mapping) else result:
-            _read_only(each)
+            unchangeable(each)
     elif is_dataclass(result):
-        _read_only(vars(result))
+        unchangeable(vars(result))
     return result

@@ -32,12 +32,6 @@ class Sight(NamedTuple):
     """Axis positions `(rows, axes)`, mm and rad; zero for axes that are not seen."""
 
 
-@derived
-def nominal_points(measurement: Measurement) -> Array:
-    """Targets `(n, 3)`, mm, of the nominal machine, where they are stated to be; as `target_points`."""
-    return target_points(measurement, None, measurement.tool)
-
-
 def target_points(measurement: Measurement, errors: Array | None, tool: Array) -> Array:
     """Targets `(n, 3)`, mm, in the frame to which the instrument is fixed, at zero pose of the machine.
 

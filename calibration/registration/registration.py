@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.registration.observed_points import nominal_points, target_points
+from calibration.registration.observed_points import target_points
 from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Registration:
     def points(self, measurement: Measurement) -> Array:
         """Targets `(n, 3)`, mm, of the nominal machine, as estimated so far, in the frame of `target_points`."""
         if not self.targets:
-            return nominal_points(measurement)
+            return measurement.nominal_points
         return target_points(measurement, None, self.tool(measurement))
 
     def apply(self, measurement: Measurement, points: Array) -> Array:

@@ -15,7 +15,6 @@ import numpy as np
 from calibration.instruments import Instrument
 from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Target, with_moves
 from calibration.measurement.plan import Plan
-from calibration.observation.equations import covariance
 from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
@@ -189,7 +188,7 @@ def _noise(measurement: Measurement, rng: np.random.Generator) -> Array:
     normal = rng.standard_normal(measurement.observed.shape)
     together = len(measurement) if measurement.instrument.GROWS_ALONG_RUN else AT_A_TIME
     parts = zip(_parts(measurement, together), _slices(len(measurement), together), strict=True)
-    return np.concatenate([np.einsum("nij,nj->ni", _root(covariance(part)), normal[rows]) for part, rows in parts])
+    return np.concatenate([np.einsum("nij,nj->ni", _root(part.covariances), normal[rows]) for part, rows in parts])
 
 
 def _root(matrices: Array) -> Array:

@@ -20,7 +20,6 @@ import numpy as np
 from scipy import special
 
 from calibration.measurement.measurement import Measurement
-from calibration.observation.equations import covariance
 from calibration.registration.registration import Registration, rigid
 from kinematics.transforms import Array, Pose, by_turn
 from kinematics.user_error import UserError
@@ -116,7 +115,7 @@ def _first_poses(measurement: Measurement, point: np.ndarray, numbers: np.ndarra
 
 def _solve(bundle: _Bundle, poses: Registration) -> Points:
     """Gauss-Newton adjustment, then the repeatability, then adjustment again with it, until the variance converges."""
-    specified = covariance(bundle.measurement)
+    specified = bundle.measurement.covariances
     weights = _inverses(specified)
     positions, registration = _adjust(bundle, weights, _initial_positions(bundle, poses), poses)
     dof = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1)

@@ -23,7 +23,6 @@ import numpy as np
 from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import usable
-from calibration.registration.observed_points import nominal_points
 from calibration.single_axis import stations
 from calibration.single_axis.error_curves import (
     Curves,
@@ -224,7 +223,7 @@ def _refuse_unknown(choice: Choice, found: Mapping[str, _Found]) -> None:
 
 def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
     """Nominal positions `(3,)` of the points on the tool, mm, by number."""
-    nominal = nominal_points(measurement)
+    nominal = measurement.nominal_points
     carrier = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
     return {int(number[row]): nominal[row] for row in np.flatnonzero(carrier == "tool")}
 

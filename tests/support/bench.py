@@ -10,7 +10,6 @@ from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
 from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, Target
-from calibration.observation.outliers import first_registration
 from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.effects import Effect
 from kinematics.error_model.model import no_errors
@@ -107,5 +106,5 @@ def by_interferometer() -> Measurement:
 
 def planned(data: Measurement, name: str) -> FollowUpDesign:
     """The design of a name that may follow a measurement."""
-    registration, _ = first_registration(data)
+    registration, _ = data.first_registration
     return next(design for design in follow_up_designs(data, registration) if design.name == name)

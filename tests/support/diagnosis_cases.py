@@ -7,7 +7,6 @@ import numpy as np
 
 import machines
 from calibration.fit.fit import fit
-from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from kinematics.error_model.model import no_errors
 from support.virtual_measurements import THREE, measured, positions
@@ -42,7 +41,7 @@ def with_stops(rows_of_a_stop, sizes, seed=3):
     exact = fitted(data)
     data = replace(data, observed=data.observed - exact.residual).rows(np.repeat(np.arange(len(data)), rows_of_a_stop))
     noise = rng.standard_normal((len(data), 3))
-    observed = data.observed + np.einsum("nij,nj->ni", np.linalg.cholesky(specified_covariance(data)), noise)
+    observed = data.observed + np.einsum("nij,nj->ni", np.linalg.cholesky(data.specified_covariances), noise)
     rotation = exact.registration.rotations(data)
     for k, size in sizes.items():
         observed += rotation[:, :, k] * (size * rng.standard_normal(int(data.stops.max()) + 1))[data.stops, None]

@@ -10,7 +10,6 @@ from calibration.diagnosis.conclusion.guard import in_units
 from calibration.gaussian_terms.outliers import shifts
 from calibration.gaussian_terms.structure import Structure
 from calibration.measurement.measurement import Measurement
-from calibration.observation.outliers import first_registration
 from kinematics.transforms import Array
 
 
@@ -53,7 +52,7 @@ def in_micro(structure: Structure, values: Array) -> Array:
     """Observed values `(n, d)`, mm and rad, in um or urad; of a tracker in x, y, z of the part on which it stands."""
     measurement = structure.data.observations.measurement
     if measurement.instrument.BY_BEAM:
-        registration, _ = first_registration(measurement)
+        registration, _ = measurement.first_registration
         values = np.einsum("nji,nj->ni", registration.rotations(measurement), values)
     return np.asarray(values * measurement.per_micro)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log, observed_components
-from calibration.observation.mean_lines import arms_of, point_of
+from calibration.observation.mean_lines import point_of
 from kinematics.basis import Legendre
 from kinematics.effects import (
     EFFECTS,
@@ -284,7 +284,7 @@ def _distortions(measurement: Measurement) -> Iterator[Effect]:
 def _crossed(measurement: Measurement) -> Iterator[Effect]:
     """Errors of an axis that depend on another axis; turns of linear axes about the centre of the measured points."""
     count = (OWN_DEGREE + 1) * OTHER_DEGREE
-    centres = {axis: point_of(arms) for axis, arms in arms_of(measurement).items()}
+    centres = {axis: point_of(arms) for axis, arms in measurement.arms.items()}
     for axis, other in permutations(measurement.moving, 2):
         for component in get_args(Component):
             yield CrossAxis(

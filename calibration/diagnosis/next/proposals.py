@@ -16,7 +16,6 @@ from calibration.diagnosis.next.stacked_rows import StackedRows
 from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
 from calibration.gaussian_terms.structure import Structure
-from calibration.observation.outliers import first_registration
 
 MOST = 6
 """Largest power of ten of the odds that a text gives."""
@@ -62,7 +61,7 @@ def proposed(
     if not asked:
         return
     structure = candidates.structure
-    registration, _ = first_registration(structure.data.observations.measurement)
+    registration, _ = structure.data.observations.measurement.first_registration
     rows = StackedRows.of(structure, registration, others, _contribution(structure, recurring))
     now = Known(rows.products(), structure)
     before = {question: question.answer(now, now) for question in asked}

@@ -18,7 +18,6 @@ from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from calibration.gaussian_terms.whitened import RANK, Whitener
-from calibration.observation.equations import specified_covariance
 from calibration.registration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
@@ -172,7 +171,7 @@ def _observations_of(design: FollowUpDesign, before: Observations) -> Observatio
         np.zeros((rows, before.components)),
         instrument.transform(measurement, registration),
         own,
-        specified_covariance(measurement),
+        measurement.specified_covariances,
         np.zeros((0, own.shape[2])),
         np.zeros(0),
         np.ones(rows, int),

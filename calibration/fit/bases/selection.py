@@ -27,7 +27,7 @@ from calibration.observation.full_model import (
     priors,
     with_effects,
 )
-from calibration.observation.normal_equations import NormalEquations, decorrelation_of, residuals, whitened, whiteners
+from calibration.observation.normal_equations import NormalEquations, decorrelation_of, residuals, whitened
 from calibration.observation.outliers import Variance
 from calibration.observation.products import Products, arm_products, between, factored
 from kinematics.effects import Effect
@@ -121,7 +121,7 @@ class LinearEvidence:
         # the additional effects start at their values of the first fit
         other_effects = sum(len(effect.parameters) for effect in effects)
         self._other_effects = first.model.parameters[len(first.prior) - other_effects :]
-        self._white = whiteners(self._measurement) / np.sqrt(self._factor)
+        self._white = self._measurement.whiteners / np.sqrt(self._factor)
         self._transform = self._white @ self._measurement.instrument.transform(self._measurement, self._registration)
         at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
         left = residuals(self._measurement, at_start.with_parameters(self._other_effects), self._registration)

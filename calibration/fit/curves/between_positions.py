@@ -34,7 +34,7 @@ from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import UNSEEN
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import ROTARY, least_priors
-from calibration.observation.normal_equations import assemble, decorrelation_of, whitened, whiteners
+from calibration.observation.normal_equations import assemble, decorrelation_of, whitened
 from kinematics.basis import Basis, BSpline
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
@@ -320,7 +320,7 @@ class _Values:
 def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
     """Information on the parameters of a model `(q, q)` and slope `(q,)` at the residuals of a fit."""
     measurement, registration = found.measurement, found.registration
-    white = whiteners(measurement)
+    white = measurement.whiteners
     weights = found.kept / (found.variance_factor * found.widening)
     decorrelation = decorrelation_of(measurement, weights)
     root = np.sqrt(weights)

@@ -21,7 +21,7 @@ from calibration.fit.identifiability import identifiability
 from calibration.fit.noise import with_estimated_noise
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import stated_bases, with_effects
-from calibration.observation.outliers import Variance, duplicates
+from calibration.observation.outliers import Variance
 from kinematics.effects import Effect
 from kinematics.running.progress import Progress
 from kinematics.transforms import Array
@@ -136,5 +136,5 @@ def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Ch
     In units of the instrument's variance; infinite where no line can be held out.
     """
     model, prior = with_effects(measurement, choice.bases, effects, *choice.scales)
-    held_out = cross_validate(measurement.rows(np.flatnonzero(~duplicates(measurement))), model, prior)
+    held_out = cross_validate(measurement.rows(np.flatnonzero(~measurement.copies)), model, prior)
     return np.array([np.inf if held_out is None else -held_out.improvement])

@@ -10,7 +10,6 @@ import numpy as np
 from scipy import special
 
 from calibration.measurement.measurement import Measurement
-from calibration.observation.equations import specified_covariance
 from calibration.plausibility.finding import Finding
 from calibration.registration.registration import Registration
 from kinematics.transforms import Array
@@ -67,7 +66,7 @@ def run_zeros(found: Registered) -> list[RunZero]:
     if measurement.axis is None:
         return []
     groups, per_micro = measurement.groups, measurement.per_micro[:, 0]
-    specified = np.sqrt(specified_covariance(measurement)[:, 0, 0])
+    specified = np.sqrt(measurement.specified_covariances[:, 0, 0])
     result = []
     for name, first in sorted(zip(*_first(groups), strict=True), key=lambda each: each[1]):
         rows = np.flatnonzero((groups == name) & found.kept)

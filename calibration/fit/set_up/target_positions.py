@@ -19,7 +19,6 @@ from scipy import linalg, special
 from calibration.fit.fit import Fit, fit
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
-from calibration.observation.outliers import first_registration
 from calibration.plausibility.finding import Finding
 from kinematics.effects import AirScale, AngleHarmonic, Effect, RangeOffset, TargetOffset
 from kinematics.machine import Machine, Vector
@@ -206,7 +205,7 @@ def _with_first_positions(measurement: Measurement) -> Measurement:
     """The measurement with unknown targets at first positions from the nominal machine."""
     if not any(target.free for target in measurement.targets.values()):
         return measurement
-    first = first_registration(measurement)[0].targets
+    first = measurement.first_registration[0].targets
     targets: Mapping[str, Target] = {
         name: replace(target, position=_as_vector(first[name]), free=False) if target.free else target
         for name, target in measurement.targets.items()

@@ -8,7 +8,6 @@ import numpy as np
 
 from calibration.instruments.lengths.reading import LETTERS, roles
 from calibration.registration.derived import derived
-from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def lines_of(measurement: Measurement) -> Array:
         if along:
             lines[row, LETTERS.index(along)] = 1.0
     first, second = pairs_of(measurement)
-    points = nominal_points(measurement)
+    points = measurement.nominal_points
     chords = points[second] - points[first]
     lines[first] = lines[second] = chords / np.linalg.norm(chords, axis=1, keepdims=True)
     return lines
@@ -70,7 +69,7 @@ def moved_axes(measurement: Measurement) -> np.ndarray:
 @derived
 def nominal_offsets(measurement: Measurement) -> Array:
     """Positions `(n,)`, mm, of the nominal machine along the lines of the rows."""
-    return np.asarray(np.sum(nominal_points(measurement) * lines_of(measurement), axis=1))
+    return np.asarray(np.sum(measurement.nominal_points * lines_of(measurement), axis=1))
 
 
 @derived

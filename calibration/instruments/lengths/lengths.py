@@ -33,7 +33,6 @@ from calibration.instruments.targets import SPINDLE_NOSE
 from calibration.registration.observed_points import (
     derivatives_by_errors,
     derivatives_by_positions,
-    nominal_points,
     target_points,
 )
 from calibration.registration.registration import Registration
@@ -201,7 +200,7 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
     def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
         """See `InstrumentBase.expected`; NaN for groups whose zero is missing in the registration."""
         errors = effects.errors if effects.errors.any() else None
-        nominal, lines = nominal_points(measurement), lines_of(measurement)
+        nominal, lines = measurement.nominal_points, lines_of(measurement)
         points = target_points(measurement, errors, registration.tool(measurement)) + effects.shift
         own = nominal_offsets(measurement) + np.sum(lines * (points - nominal), axis=1)
         first, second = pairs_of(measurement)

@@ -18,7 +18,6 @@ from calibration.instruments.of_points import OfDistances, centred_pose
 from calibration.instruments.ranging.air import HELIUM_NEON_NM, refractive_index
 from calibration.instruments.ranging.multilateration import Located, located
 from calibration.registration.derived import derived
-from calibration.registration.observed_points import nominal_points
 from calibration.registration.registration import SHIFTS, Registration
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE
@@ -112,7 +111,7 @@ class Ranging(OfDistances, frozen=True, tag="ranging"):
     def placed(self, measurement: Measurement, table: Table) -> Measurement:
         """The measurement with the beams from its stations, and with ranges in the air of their rows."""
         registration = measurement.instrument.first_registration(measurement, np.ones(len(measurement), bool))
-        beams = registration.apply(measurement, nominal_points(measurement))
+        beams = registration.apply(measurement, measurement.nominal_points)
         index = _index_shares(table, measurement)
         observed = measurement.observed
         if index is not None:  # with its dead path, the whole distance is in this air
@@ -125,7 +124,7 @@ class Ranging(OfDistances, frozen=True, tag="ranging"):
 
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
         """Stations by multilateration of the trusted rows; dead lengths with their medians."""
-        points, names = nominal_points(measurement), dead_lengths(measurement)
+        points, names = measurement.nominal_points, dead_lengths(measurement)
         poses, zeros = {}, dict.fromkeys(np.unique(names).tolist(), 0.0)
         for station in np.unique(measurement.groups).tolist():
             poses[station] = centred_pose(stations_of(measurement, station, trusted)[0].position)
@@ -208,7 +207,7 @@ def stations_of(measurement: Measurement, station: str, trusted: np.ndarray) -> 
     """
     mine = measurement.groups == station
     rows = np.flatnonzero(mine & trusted if (mine & trusted).any() else mine)
-    points, stated = nominal_points(measurement)[rows], measurement.spheres.get(station)
+    points, stated = measurement.nominal_points[rows], measurement.spheres.get(station)
     guess = None if stated is None else np.array(stated)
     _, number = np.unique(dead_lengths(measurement)[rows], return_inverse=True)
     if len(rows) < least_rows(int(number.max()) + 1):

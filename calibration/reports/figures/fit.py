@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.fit.fit import Fit
-from calibration.observation.equations import covariance
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
@@ -72,7 +71,7 @@ def along_axes(fitted: Fit) -> Figure:
     """Residuals over the time and over the position of each axis that moves, on one scale."""
     measurement, kept = fitted.measurement, fitted.kept
     residual = (fitted.residual * measurement.per_micro)[kept]
-    noise = np.sqrt(np.diagonal(covariance(measurement), axis1=1, axis2=2)) * measurement.per_micro
+    noise = np.sqrt(np.diagonal(measurement.covariances, axis1=1, axis2=2)) * measurement.per_micro
     typical = noise[kept].mean(axis=0)
     rows = some(np.arange(len(residual)))
     panels = []
