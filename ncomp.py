@@ -22,7 +22,7 @@ True
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,7 +31,7 @@ from kinematics.running.caller import public
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 from postproc.interface.codes import codes
-from postproc.interface.folders import batch, job, watch
+from postproc.interface.folders import batch, job, watched
 from postproc.interface.programs import Corrected, check, conditions, correct, open_program, set_up, set_up_of, verify
 from postproc.interface.tables import export, export_parameters, import_tables
 from postproc.interface.views import REPORTS
@@ -72,6 +72,8 @@ if TYPE_CHECKING:
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
     from postproc.control.setup import Setup
+    from postproc.folders.programs import FolderProgram, Outcome
+    from postproc.interface.request import Request
     from postproc.text.source import Source
 
 __all__ = [
@@ -283,6 +285,66 @@ def study_along(study: Study, program: str | Path | Source, setup: Setup, dialec
     sensors = study.definition.instrument.temperature
     volume = Volume.at(study.machine, standing(motions.machine_target[rows], sensors), motions.tool[rows])
     return study.along(volume), assumption
+
+
+@public
+def watch(
+    folder: str | Path,
+    output: str | Path | None = None,
+    machine: str | Path | None = None,
+    calibration: str | Path | None = None,
+    *,
+    job: str | Path | None = None,
+    glob: Sequence[str] = (),
+    settle: Annotated[float, 0.1, 600] = 2.0,
+    idle: Annotated[float, 0, None] | None = None,
+    set_up: Mapping[str, object] | None = None,
+    conditions: Mapping[str, object] | None = None,
+    drift: str | Path | None = None,
+    drift_since: str | None = None,
+    drift_tolerance_um: Annotated[float, 0, None] | None = None,
+    progress: Callable[[FolderProgram, Outcome], None] = lambda *_: None,
+    say: Callable[[str], None] = lambda _: None,
+    **correction: Any,
+) -> dict[str, int]:
+    """Correct every program that appears or changes in a folder, until Ctrl-C; returns numbers of programs by state.
+
+    Machine, calibration and the files of set-up and conditions are given by name, and read again when they change.
+    folder: instead of a folder, a job file may give everything but settle and idle. job: job file with machine,
+    calibration, set-up, conditions and correction for the folder. glob: as for `batch`. settle: time, s, for which a
+    file must not change before it counts as complete. idle: time, s, without work after which the function returns.
+    set_up and conditions: the arguments of the functions of these names. drift: log of touches (docs/drift.md), by
+    which programs are corrected for the drift as well; drift_since and drift_tolerance_um: as for the command.
+    progress: called with each program and its end. say: called with each line that the command shows. correction: the
+    other arguments of `correct`.
+
+    A program that is refused does not stop the others; an earlier output of it is renamed to NAME.earlier. UserError
+    for arguments that cannot be used when the function begins; later it waits until they can.
+    """
+    from postproc.interface.watching import NoResults, Watch
+
+    given = {"machine": machine, "calibration": calibration, "set_up": set_up, "conditions": conditions, **correction}
+    following = _following(drift, say, drift_since, drift_tolerance_um)
+    return Watch(watched(folder, output, job, glob, given, following), settle, say, NoResults(), progress).run(idle)
+
+
+def _following(
+    log: str | Path | None, say: Callable[[str], None], since: str | None, tolerance_um: float | None
+) -> Callable[[Callable[[], Request]], Callable[[], Request]] | None:
+    """What makes of the request of watched programs the one with the drift by a log; None without a log."""
+    if log is None:
+        for name, value in {"drift_since": since, "drift_tolerance_um": tolerance_um}.items():
+            if value is not None:
+                raise UserError(f"watch(): {name} is of the log of touches: give drift too")
+        return None
+    path = Path(log)
+
+    def following(given: Callable[[], Request]) -> Callable[[], Request]:
+        from calibration.interface.drifting import Drifting
+
+        return Drifting(path, given, say, since, tolerance_um)
+
+    return following
 
 
 if __name__ == "__main__":

@@ -11,15 +11,17 @@ legendre:3`.
 The cases with a plan have 240 ranges from four stations: stations, reflectors and positions by `ncomp plan optimised`;
 stations by habit at the corners, low, with the positions by hand or optimised; all at random, anew in each draw.
 `--rough` takes machines of the virtual calibration paper's Table 1, which have waves, and the automatic bases, with
-`--margin` finer by so many sizes.
+`--margin` finer by so many sizes. `--prior` takes machines whose error motions are as large as the fit expects before
+any data: each coefficient is drawn with the typical size of its kind. What the data do not show is then within its U
+in 95 % of all cases; of smaller machines more is.
 
-    python benchmarks/ranging.py [--draws 200] [--cases "planned;corners"] [--rough [--margin 1]]
+    python benchmarks/ranging.py [--draws 200] [--cases "planned;corners"] [--rough [--margin 1] | --prior]
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -34,6 +36,7 @@ from calibration.fit.identifiability import identifiability
 from calibration.instruments import Instrument, LaserTracker, Ranging
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.plan import Choices, Plan
+from calibration.observation.full_model import priors
 from calibration.optimal.candidates import volume_of_targets
 from calibration.optimal.optimise import Request, optimised
 from calibration.planning.strategies import evaluation_grid, plan
@@ -106,6 +109,12 @@ def smooth(machine: Machine, rng: np.random.Generator) -> ErrorModel:
     return model_of(machine, motions)
 
 
+def as_expected(machine: Machine, rng: np.random.Generator) -> ErrorModel:
+    """A machine whose error motions, of the same degree, have the sizes that a fit expects of them."""
+    zero = smooth(machine, rng)
+    return zero.with_parameters(rng.normal(0.0, priors(zero)))
+
+
 def measured(case: Case, machine: Machine, truth: ErrorModel, rng: np.random.Generator) -> Measurement:
     """The noisy readings, of each station at the same positions, the targets one after another, or of a plan."""
     if case.positions is None:
@@ -145,11 +154,17 @@ def anywhere(machine: Machine, rng: np.random.Generator) -> list[tuple[float, fl
     return places
 
 
-def one(name: str, draw: int, rough: bool = False, margin: int = 0) -> tuple[Judged, str]:
+MACHINES: dict[str, Callable[[Machine, np.random.Generator], ErrorModel]] = {
+    "smooth": smooth, "rough": random_true_model, "prior": as_expected,
+}  # fmt: skip
+"""Kinds of virtual machines."""
+
+
+def one(name: str, draw: int, kind: str = "smooth", margin: int = 0) -> tuple[Judged, str]:
     """One draw, and what the data determine; margin: sizes by which automatic bases are finer than by the evidence."""
     machine, rng = centre(), np.random.default_rng([30, draw])
-    truth = random_true_model(machine, rng) if rough else smooth(machine, rng)
-    basis = "auto" if rough else f"legendre:{DEGREE}"
+    truth = MACHINES[kind](machine, rng)
+    basis = "auto" if kind == "rough" else f"legendre:{DEGREE}"
     measurement = measured(CASES[name], machine, truth, rng)
     found = calibrate(measurement, basis=basis, margin=margin, hold_out=False).fit
     shown = identifiability(found)
@@ -163,7 +178,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--cases", default=";".join(CASES), help="names, with ; between them")
-    parser.add_argument("--rough", action="store_true")
+    kinds = parser.add_mutually_exclusive_group()
+    for kind in ("rough", "prior"):
+        kinds.add_argument(f"--{kind}", dest="kind", action="store_const", const=kind, default="smooth")
     parser.add_argument("--margin", type=int, default=0)
     given = parser.parse_args()
     print(
@@ -171,7 +188,7 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|---|")
     for name in given.cases.split(";"):
-        judged, ranks = zip(*(one(name, draw, given.rough, given.margin) for draw in range(given.draws)), strict=True)
+        judged, ranks = zip(*(one(name, draw, given.kind, given.margin) for draw in range(given.draws)), strict=True)
         error, u = (np.stack([getattr(each, field) for each in judged]) for field in ("error", "u"))
         left = np.sqrt(np.mean(np.sum(error**2, axis=2), axis=1))
         before = np.mean([each.before for each in judged])

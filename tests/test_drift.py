@@ -15,6 +15,7 @@ import msgspec
 import pytest
 from support.command import refusal, succeed
 
+import ncomp
 from kinematics.user_error import UserError
 
 HEAD = "# machine: dmu50\n# instrument: touch-probe\n# u_um: 0.5\n# probe: 0 0 -150\n"
@@ -445,6 +446,24 @@ def test_watched_programs_are_corrected_for_the_drift():
     assert "The machine has drifted by X +" in shown
     effect = json.loads(Path("touches.drift.json").read_text())["effects"][0]
     assert shift_of("out/part.nc") == pytest.approx(-effect["value"], abs=0.6)
+
+
+def test_programs_that_python_watches_are_corrected_for_the_drift_as_well():
+    dated(constant((-10.0, 0.0, 0.0)), minutes_ago(2))
+    Path("in").mkdir()
+    Path("in/part.nc").write_text(PROGRAM)
+    set_up = {"work_offset": ["G54=-30,-20,150"], "tool_length": ["T1=80"]}
+    options = {"set_up": set_up, "settle": 0.1, "idle": 0.5, "drift": "touches.csv"}
+    said: list[str] = []
+    assert ncomp.watch("in", "out", "dmu50", "none", say=said.append, **options) == {"corrected": 1}
+    effect = json.loads(Path("touches.drift.json").read_text())["effects"][0]
+    assert shift_of("out/part.nc") == pytest.approx(-effect["value"], abs=0.6)
+    assert any("The machine has drifted by X +" in line for line in said)
+    with pytest.raises(UserError, match="known to 0.001 um: touch the sphere again"):
+        ncomp.watch("in", "new", "dmu50", "none", drift_tolerance_um=0.001, **options)
+    del options["drift"]
+    with pytest.raises(UserError, match="drift_since is of the log of touches: give drift too"):
+        ncomp.watch("in", "new", "dmu50", "none", drift_since="2026-01-01", **options)
 
 
 def test_the_drift_of_watched_programs_counts_from_the_touch_off():

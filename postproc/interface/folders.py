@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
     from postproc.control.setup import Setup
     from postproc.folders.checked import Checked
-    from postproc.folders.programs import FolderProgram, Outcome
     from postproc.folders.summary import Summary
     from postproc.interface.request import Request
+    from postproc.interface.watching import Folder, JobFile
 
 OF_ONE = ("output", "traced", "one_of_several", "beside", "shared")
 """Arguments of `correct` that several programs cannot share."""
@@ -116,65 +116,50 @@ def job(
     return request.corrected(found.programs, {}, jobs, dask, progress, of_several=several)
 
 
-@public
-def watch(
+def watched(
     folder: str | Path,
-    output: str | Path | None = None,
-    machine: str | Path | None = None,
-    calibration: str | Path | None = None,
-    *,
-    job: str | Path | None = None,
-    glob: Sequence[str] = (),
-    settle: Annotated[float, 0.1, 600] = 2.0,
-    idle: Annotated[float, 0, None] | None = None,
-    set_up: Mapping[str, object] | None = None,
-    conditions: Mapping[str, object] | None = None,
-    progress: Callable[[FolderProgram, Outcome], None] = lambda *_: None,
-    say: Callable[[str], None] = lambda _: None,
-    **correction: Any,
-) -> dict[str, int]:
-    """Correct every program that appears or changes in a folder, until Ctrl-C; returns numbers of programs by state.
+    output: str | Path | None,
+    job: str | Path | None,
+    glob: Sequence[str],
+    given: Mapping[str, Any],
+    following: Callable[[Callable[[], Request]], Callable[[], Request]] | None,
+) -> Folder | JobFile:
+    """The source of the programs of `ncomp.watch`; UserError for arguments that cannot be used together.
 
-    Machine, calibration and the files of set-up and conditions are given by name, and read again when they change.
-    folder: instead of a folder, a job file may give everything but settle and idle. job: job file with machine,
-    calibration, set-up, conditions and correction for the folder. glob: as for `batch`. settle: time, s, for which a
-    file must not change before it counts as complete. idle: time, s, without work after which the function returns.
-    set_up and conditions: the arguments of the functions of these names. progress: called with each program and its
-    end. say: called with each line that the command shows. correction: the other arguments of `correct`.
-
-    A program that is refused does not stop the others; an earlier output of it is renamed to NAME.earlier. UserError
-    for arguments that cannot be used when the function begins; later it waits until they can.
+    given: machine, calibration, set_up, conditions, and the arguments of `correct`. following: makes of a request the
+    one of now.
     """
     from postproc.interface.job_file import is_job_file, read_job
-    from postproc.interface.watching import Folder, JobFile, NoResults, Watch
+    from postproc.interface.watching import Folder, JobFile
 
-    given = {"machine": machine, "calibration": calibration, "set_up": set_up, "conditions": conditions, **correction}
     file = Path(folder) if is_job_file(Path(folder)) else job
     if file is not None and (name := next((name for name, value in given.items() if value is not None), None)):
         raise UserError(f"watch(): {name} is an entry of the job file {file}: change it there")
-    source: Folder | JobFile
     if file is not None and file is not job:
-        if output is not None or job is not None or glob:
-            raise UserError(f"{file} is a job file, which has its programs and outputs: give no output, job or glob")
-        source = JobFile(Path(file))
-    elif output is None:
+        if output is not None or job is not None or glob or following is not None:
+            raise UserError(
+                f"{file} is a job file, which has its programs and outputs: give no output, job, glob or drift"
+            )
+        return JobFile(Path(file))
+    if output is None:
         raise UserError("watch(): output is missing: folder of the corrected programs")
-    elif job is not None:
-        source = Folder(Path(folder), Path(output), glob, lambda: read_job(Path(job), there=False).request, Path(job))
-    elif machine is None:
+    if job is None and given["machine"] is None:
         raise UserError("watch(): machine is missing: name of a machine, or path of its .toml file")
-    else:
-        request = _request(str(machine), calibration, set_up or {}, conditions or {}, correction)
-        source = Folder(Path(folder), Path(output), glob, lambda: request, None)
-    return Watch(source, settle, say, NoResults(), progress).run(idle)
+    request = None if job is not None else _request(**given)
+
+    def now() -> Request:
+        return request or read_job(Path(str(job)), there=False).request
+
+    requests = now if following is None else following(now)
+    return Folder(Path(folder), Path(output), glob, requests, None if job is None else Path(job))
 
 
 def _request(
-    machine: str,
+    machine: str | Path,
     calibration: str | Path | None,
-    set_up: Mapping[str, object],
-    conditions: Mapping[str, object],
-    correction: Mapping[str, object],
+    set_up: Mapping[str, object] | None,
+    conditions: Mapping[str, object] | None,
+    **correction: object,
 ) -> Request:
     """The request of these arguments; UserError for one that cannot be used."""
     from postproc.interface.request import Request
@@ -182,11 +167,11 @@ def _request(
     _refuse_of_one("watch", ("setup", "jobs", *OF_ONE), correction)
     alone = {"work_offset": (), "datum": (), "tool_length": ()}
     return Request(
-        machine=machine,
+        machine=str(machine),
         calibration=None if calibration is None else str(calibration),
-        set_up={**alone, **_named(make_set_up, set_up, machine)},
-        conditions=_named(make_conditions, conditions),
-        correction=_named(correct, correction, "", machine),
+        set_up={**alone, **_named(make_set_up, set_up or {}, str(machine))},
+        conditions=_named(make_conditions, conditions or {}),
+        correction=_named(correct, correction, "", str(machine)),
     )
 
 

@@ -1,25 +1,16 @@
-"""The drift of a machine in the calibration of watched programs, as its log of touches is now."""
+"""The options of a watch that follows the drift of its machine."""
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import msgspec
-
-import ncomp
-from kinematics.files import fingerprint, read_input
-from kinematics.files.inputs import allow_to_replace
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import MODEL, option
 
 if TYPE_CHECKING:
-    from calibration.following.drift import Drift
-    from calibration.following.followed import Followed
-    from kinematics.error_model.model import ErrorModel
     from postproc.interface.request import Request
 
 
@@ -57,84 +48,6 @@ class DriftOptions:
         """The request of watched programs, with the drift by the log if there is one."""
         if self.drift is None:
             return given
+        from calibration.interface.drifting import Drifting
+
         return Drifting(self.drift, given, say, self.drift_since, self.drift_tolerance_um)
-
-
-class Drifting:
-    """The request of watched programs whose calibration has the drift of the machine.
-
-    The calibration with the drift is written beside the log, LOG.drift.json, when the log changes. Where the drift is
-    less than its uncertainty at this moment, the calibration that was given counts.
-    """
-
-    def __init__(
-        self,
-        log: Path,
-        given: Callable[[], Request],
-        say: Callable[[str], None],
-        since: str | None,
-        tolerance_um: float | None,
-    ) -> None:
-        self._log, self._given, self._say = log, given, say
-        self._since, self._tolerance_um = since, tolerance_um
-        self.output = log.with_suffix(".drift.json")
-        self._key: Any = None
-        self._corrected: bool | None = None
-
-    _followed: Followed
-    _calibration: ErrorModel
-
-    def __call__(self) -> Request:
-        """The request now; UserError for a log that cannot be used."""
-        request = self._given()
-        files = [path for path in (self._log, *request.files) if path.is_file()]
-        key = {path: fingerprint(read_input(path, "file")) for path in files if path != self.output}
-        if key != self._key:
-            self._follow(request)
-            self._key, self._corrected = key, None
-        found = self._now()
-        if found.estimate.significant != self._corrected:
-            self._take(found)
-            self._corrected = found.estimate.significant  # only now: a file that was not written is of an earlier drift
-        return msgspec.structs.replace(request, calibration=str(self.output)) if self._corrected else request
-
-    def _follow(self, request: Request) -> None:
-        measurement = ncomp.read_measurement(self._log, request.machine)
-        if measurement.start is None or measurement.start.tzinfo is None:
-            raise UserError(
-                f"--drift {self._log}: the programs of now need the times of the touches: a column time with time "
-                "stamps, and the zone of their clock ('# zone: Europe/Berlin')"
-            )
-        found = ncomp.drift(measurement, request.calibration)
-        self._followed, self._calibration = found.followed, found.calibration
-
-    def _now(self) -> Drift:
-        from calibration.following.drift import drift_at
-
-        start, last = self._followed.measurement.start, float(self._followed.times[-1])
-        assert start is not None
-        now = (datetime.datetime.now(datetime.UTC) - start).total_seconds()
-        if now < last - datetime.timedelta(minutes=5).total_seconds():
-            raise UserError(f"--drift {self._log}: its last reading lies in the future: correct the clock, or its zone")
-        since = self._followed.seconds(self._since, "--drift-since")
-        if since is not None and since > max(now, last):
-            raise UserError(f"--drift-since {self._since}: lies in the future: correct it, or the clock")
-        begin = None if since is None else repr(max(since, self._followed.first))
-        return drift_at(self._followed, self._calibration, repr(max(now, last)), begin, None, self._tolerance_um)
-
-    def _take(self, found: Drift) -> None:
-        from calibration.following.report import drift_verdict
-        from kinematics.error_model.model import write_model
-
-        if found.estimate.significant:
-            self._refuse_other(self.output)
-            allow_to_replace(self.output)  # the corrections read it
-            write_model(found.model, self.output)
-        for line in drift_verdict(found).splitlines():
-            self._say(f"drift by {self._log}: {line}")
-
-    @staticmethod
-    def _refuse_other(output: Path) -> None:
-        """UserError for a file of this name that is no calibration with a drift."""
-        if output.exists() and b"drift by" not in read_input(output, "calibration"):
-            raise UserError(f"{output}: the calibration with the drift has this name: rename the file that is there")
