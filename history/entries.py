@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 EVENTS = ("crash", "service", "moved", "spindle", "other")
 """What can happen to a machine: `moved` to another place, a new `spindle`."""
-KINDS = ("calibration", "diagnosis", "iso230-2", "iso230-4", "check", "measurement", "parameters", "tables", "program")
+KINDS = (
+    *("calibration", "diagnosis", "iso230-2", "iso230-4", "etve", "check", "measurement", "parameters", "tables"),
+    "program",
+)
 """Kinds of results."""
 CLOCKS_DIFFER_S = 300
 """Time by which the clocks of a network may differ, s: as Kerberos allows (RFC 4120)."""

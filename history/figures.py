@@ -99,6 +99,15 @@ def of_circles(machine: Machine, results: Mapping[str, Any]) -> list[Quantity]:
     return [*found, *of_effects(machine, effects)]
 
 
+def of_etve(results: Mapping[str, Any]) -> list[Quantity]:
+    """The variations of a standing machine, from the results of `ncomp etve`; those of one period are comparable."""
+    within = f"in {results['period_h']:.3g} h"
+    return [
+        Quantity(f"ETVE {each['name']} {within}", each["unit"], each["value"], each["U"] / 2.0)
+        for each in results["etve"]
+    ]
+
+
 def of_effects(machine: Machine, effects: Iterable[Effect]) -> list[Quantity]:
     """The squarenesses that single effects give."""
     effects = tuple(effects)

@@ -459,7 +459,7 @@ def test_programs_that_python_watches_are_corrected_for_the_drift_as_well():
     effect = json.loads(Path("touches.drift.json").read_text())["effects"][0]
     assert shift_of("out/part.nc") == pytest.approx(-effect["value"], abs=0.6)
     assert any("The machine has drifted by X +" in line for line in said)
-    with pytest.raises(UserError, match="known to 0.001 um: touch the sphere again"):
+    with pytest.raises(UserError, match=r"known to 0\.001 um: touch the sphere again"):
         ncomp.watch("in", "new", "dmu50", "none", drift_tolerance_um=0.001, **options)
     del options["drift"]
     with pytest.raises(UserError, match="drift_since is of the log of touches: give drift too"):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import refusal, succeed
+from support.history_cases import entries
 
 import ncomp
 
@@ -114,3 +115,21 @@ def test_a_log_that_cannot_be_used_is_refused_in_words(fault):
     path = log(columns, head)
     assert reason in refusal("etve", path, *words, "--json", "out.json")
     assert not Path("out.json").exists()
+
+
+def test_the_variation_of_a_standing_machine_is_a_part_of_its_life(tmp_path):
+    path, db = log(night(), HEAD + "# measured: 2026-03-01\n"), str(tmp_path / "life.sqlite")
+    machine = ("--machine", "cframe")
+    succeed("etve", path, "--period-h", 3, *machine, "--history", "--db", db, "--json", "night.json")
+    (entered,) = entries(db)
+    assert (entered["kind"], entered["at"][:10], entered["method"]) == ("etve", "2026-03-01", "etve")
+    sizes = json.loads(Path("night.json").read_text())["etve"]
+    own = [(f"ETVE {each['name']} in 3 h", each["unit"], each["value"], each["U"] / 2) for each in sizes]
+    assert [(each["name"], each["unit"], each["value"], each["u"]) for each in entered["figures"]] == own
+    succeed("etve", path, "--json", "whole.json")  # of no machine: that of the command
+    succeed("history", "add", "cframe", "whole.json", "--at", "2026-04-01", "--db", db)
+    assert [each["kind"] for each in entries(db)] == ["etve", "etve"]
+    assert "is of machine 'cframe'" in refusal(
+        "history", "add", "gantry", "night.json", "--at", "2026-03-01", "--db", db
+    )
+    assert "--history: is the life of a machine: give --machine" in refusal("etve", path, "--history", "--db", db)

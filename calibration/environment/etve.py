@@ -7,6 +7,7 @@ largest range of this reading within any interval of that length; two readings o
 
 from __future__ import annotations
 
+import datetime
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.measurement.logged import with_seconds
-from calibration.measurement.measuring_date import MEASURED
+from calibration.measurement.measuring_date import MEASURED, measuring_date
 from calibration.measurement.text_table import Table, read_table
 from kinematics.files.column_map import SECONDS, TEMPERATURE, TIME
 from kinematics.files.mistaken import did_you_mean
@@ -76,6 +77,8 @@ class Etve(Shown):
     """Length of the measurement for which it is stated, h."""
     variations: tuple[Variation, ...]
     """Of each displacement and tilt."""
+    measured: datetime.date | None = None
+    """First day of the log, where it states one."""
 
     @property
     def headline(self) -> str:
@@ -137,7 +140,7 @@ def read_etve(path: Path, period_h: float | None = None) -> Etve:
     )
     names = [name for name in table.names if name.startswith(TEMPERATURE)]
     warm = {name.removeprefix(TEMPERATURE): values for name, values in table.numbers(names).items()}
-    return Etve(str(path), time, readings, warm, period, variations)
+    return Etve(str(path), time, readings, warm, period, variations, measuring_date(table))
 
 
 def _sensors(table: Table) -> list[str]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import ncomp
+from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import ResultOptions, whole_results
+from postproc.commands.options.recorded import RecordedOptions, results_entry
+from postproc.commands.options.shared import OptionalMachine, whole_results
 
 EPILOG = (
     "Examples:\n\n"
     "`ncomp etve night.csv --report etve.html`  over the whole log\n\n"
-    "`ncomp etve night.csv --period-h 2`  for a measurement that takes two hours"
+    "`ncomp etve night.csv --period-h 2`  for a measurement that takes two hours\n\n"
+    "`ncomp etve night.csv --period-h 2 --machine dmu50 --history`  entered into the life of this machine"
 )
 
 
@@ -23,19 +27,28 @@ def etve(
     period_h: float | None = option(
         "Time that a measurement takes, for which the variation is stated, h; default: the whole log.", "h", min=1e-3
     ),
-    others: ResultOptions,
+    machine: OptionalMachine,
+    others: RecordedOptions,
 ) -> None:
     """Evaluate how far a standing machine moves with the temperature of its environment (ETVE, ISO 230-3).
 
     Up to five sensors read the displacement of a mandrel in the spindle. The variation of each, and of the tilts about
-    X and Y, is its largest range within the stated time, with U (k = 2), and that of the temperatures beside it.
+    X and Y, is its largest range within the stated time, with U (k = 2), and that of the temperatures beside it. The
+    machine is needed for its history alone.
     """
     from calibration.environment.report import etve_report
+    from history.figures import of_etve
     from kinematics.files.report_head import ReportHead
     from postproc.commands.show.terminal import show
 
+    if others.history and machine is None:
+        raise UserError("--history: is the life of a machine: give --machine NAME too")
+    of = None if machine is None else ncomp.load_machine(machine)
     found = ncomp.etve(data, period_h=period_h)
-    report = etve_report(found, data.name, ReportHead())
-    with whole_results(*others.files) as files:
-        others.write(found.json(), report, files, (data,))
+    results = found.json()
+    report = etve_report(found, data.name, ReportHead(machine="" if of is None else of.name))
+    with others.recorded(of) as record, whole_results(*others.files) as files:
+        others.write(results, report, files, (data,))
+        entry = {"method": "etve", "measured": found.measured}
+        record(results_entry("etve", found.headline, results, partial(of_etve, results), (data,), **entry))
     show(report, *others.files)

@@ -42,8 +42,8 @@ def add(
 ) -> None:
     """Enter results into the life of a machine: all of the files, or none of them.
 
-    Files are calibrations (ncomp fit, ncomp diagnose), results of ncomp iso230, ncomp ballbar and ncomp diagnose
-    (--json), measurement files, corrected programs, and files that were loaded into the control (--kind). The history
+    Files are calibrations (ncomp fit, ncomp diagnose), results of ncomp iso230, ballbar, etve and diagnose (--json),
+    measurement files, corrected programs, and files that were loaded into the control (--kind). The history
     keeps calibrations and results, and of all files the path and the fingerprint, by which ncomp history verify notices
     a change.
     """

@@ -24,7 +24,9 @@ CHECK = re.compile(
     r"\s*(?P<name>[^=]*[^=\s])\s*=\s*(?P<value>[-+]?\d*\.?\d+)\s*(?:\+-|±)\s*(?P<U>\d*\.?\d+)\s*(?P<unit>um/m|um|urad)\s*"
 )
 """A single check: squareness X-Y=12.4 +- 3 um/m."""
-OTHERS = "name a calibration, results of ncomp iso230, ballbar or diagnose, a measurement file or a corrected program"
+OTHERS = (
+    "name a calibration, results of ncomp iso230, ballbar, etve or diagnose, a measurement file or a corrected program"
+)
 
 
 def result_of(machine: Machine, path: Path, kind: str | None, at: datetime.datetime | None) -> Result:
@@ -65,11 +67,11 @@ def _calibration(machine: Machine, path: Path, content: bytes, at: datetime.date
 def _results(machine: Machine, path: Path, content: bytes, at: datetime.datetime | None) -> Result:
     """The results of a command for programs."""
     from history.causes import of_diagnosis
-    from history.figures import of_axes, of_circles
+    from history.figures import of_axes, of_circles, of_etve
 
     try:
         found: dict[str, Any] = msgspec.json.decode(content, type=dict[str, Any])
-        own = found["provenance"]["machine"]
+        own = found["provenance"]["machine"] or machine.name  # etve needs no machine
     except (msgspec.DecodeError, KeyError, TypeError):
         raise UserError(f"{path}: these are no results of ncomp (--json): {OTHERS}") from None
     if own != machine.name:
@@ -82,6 +84,8 @@ def _results(machine: Machine, path: Path, content: bytes, at: datetime.datetime
         kind, figures = "iso230-2", of_axes(found["axes"])
     elif "tests" in found and "causes" in found:
         kind, figures = "iso230-4", of_circles(machine, found)
+    elif "etve" in found:
+        kind, figures = "etve", of_etve(found)
     elif "effects" in found and "before" in found:
         kind, causes = "diagnosis", of_diagnosis(found["effects"])
     else:

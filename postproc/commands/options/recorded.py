@@ -13,6 +13,7 @@ from postproc.commands.options.files import file_of_database
 from postproc.commands.options.shared import ResultOptions
 
 if TYPE_CHECKING:
+    import datetime
     from pathlib import Path
 
     from sqlalchemy.orm import Session
@@ -141,19 +142,22 @@ def results_entry(
     figures: Callable[[], Iterable[Quantity]],
     inputs: Iterable[str | Path | None],
     measurement: Measurement | None = None,
+    *,
+    method: str = "",
+    measured: datetime.date | None = None,
 ) -> Callable[[], Result]:
-    """Makes the entry of results for programs, of a measurement or of none."""
+    """Makes the entry of results for programs, of a measurement or of none; method and measured: without one."""
 
     def made() -> Result:
         """The entry, with the fingerprints of the files as they are now."""
         from history.results import fingerprints, instant, of_results
 
-        method, day = "", None
+        by, day = method, measured
         if measurement is not None:
             number = measurement.machine.report.instrument_number
-            method, day = f"{measurement.instrument.kind()} {number}".strip(), measurement.measured
+            by, day = f"{measurement.instrument.kind()} {number}".strip(), measurement.measured
         files = fingerprints(inputs)
-        return of_results(kind, title, results, figures(), method=method, files=files, at=instant(day))
+        return of_results(kind, title, results, figures(), method=by, files=files, at=instant(day))
 
     return made
 
