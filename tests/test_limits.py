@@ -54,7 +54,6 @@ EXCEPTIONS = {
     "postproc/commands/programs/watch.py:watch": 50,
     "postproc/commands/workplace/init.py:init": 49,
     "postproc/interface/folders.py:batch": 45,
-    "postproc/interface/folders.py:watch": 50,
     "postproc/interface/programs.py:correct": 87,
     "postproc/interface/programs.py:verify": 51,
     "postproc/verification/verify_programs.py:verify_programs": 52,
