@@ -11,7 +11,7 @@ from support.programs import correct, load, model_of, random_model
 import machines
 from kinematics.basis import Polynomial
 from kinematics.correction import DAMPING, correct_orientation, correct_position
-from kinematics.effects import ErrorMotion, LocationJump
+from kinematics.effects import Cyclic, ErrorMotion, LocationJump
 from kinematics.error_model.classes import CLASSES, ELEMENTARY, class_of, parse_classes, select
 from kinematics.error_model.model import ErrorModel, read_model, write_model
 from kinematics.forward import forward, tool_point
@@ -152,6 +152,15 @@ def test_rotary_words_change_only_for_the_orientation():
     assert turned.tilt_after.rms < 0.35 * plain.tilt_after.rms
     assert turned.after.largest < 0.2
     assert set(turned.rotary_correction) == {"B", "C"}
+
+
+def test_errors_between_ends_contain_those_of_other_classes():
+    """A wave of X that is not corrected, in moves of whole periods: it is zero at their ends."""
+    wave = Cyclic("X", "X", 10.0, (0.8,), (0.0,))
+    straightness = ErrorMotion("Y", "X", Polynomial((-200.0, 200.0), 1), (6.0, 6.0))
+    text = "G90 G21 G17 G54\nG0 X0 Y0 Z300 B0 C0\n" + "".join(f"G1 X{10 * i} F500\n" for i in range(1, 12))
+    done = correct(text, DMU50, model_of(DMU50, wave, straightness), classes=frozenset(("L-STR",)))
+    assert done.report.between_ends.largest == pytest.approx(0.8, abs=0.02)
 
 
 @pytest.mark.parametrize("name", ["dmu50", "head_table", "trunnion_bc"])

@@ -63,7 +63,10 @@ class CorrectedPart(NamedTuple):
     wanted: Correction
     """The correction before arcs are held in their planes."""
     bounds: Array
-    """Upper bounds `(blocks,)`, mm, of the second difference of the error along the moves of each block."""
+    """Upper bounds `(blocks,)`, mm, of the second difference of the error along the moves of each block.
+
+    Infinite where not all errors are corrected.
+    """
     unsplit: Mapping[int, str]
     """Reason why a move beyond the tolerance is not split, by block."""
     suspect: Set[int]
@@ -111,10 +114,12 @@ class PartCorrection:
             motions, approach = self._take_ups.prepare(motions)
         wanted = self._correction(motions, approach, outside)
         correction = held_across_arcs(motions, wanted) if self._job.dialect.flat_arcs else wanted
-        known = wanted.before if self._models.corrected is self._models.evaluated and approach is None else None
+        whole = self._models.corrected is self._models.evaluated
+        known = wanted.before if whole and approach is None else None
         before = None if known is None else ErrorsBefore.of(known)
+        bounds = splitter.bounds if whole else np.full_like(splitter.bounds, np.inf)
         return CorrectedPart(
-            motions, correction, wanted, splitter.bounds, splitter.unsplit, splitter.suspect, splitter.moves, before
+            motions, correction, wanted, bounds, splitter.unsplit, splitter.suspect, splitter.moves, before
         )
 
     def _correction(self, motions: Motions, approach: Array | None, outside: np.ndarray) -> Correction:
