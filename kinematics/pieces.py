@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_model.piecewise import AT_TESTS, DEGREE, TESTS, Curvature, Table
+from kinematics.error_model.piecewise import AT_TESTS, DEGREE, TESTS, Curvature, Pieces, Table
 from kinematics.machine import TURN, Axis, Machine, NDArrayBool
 from kinematics.state import State
 from kinematics.transforms import Array, read_only
@@ -267,29 +268,49 @@ def _tables(
             nodes = np.array([low, *axis.travel, high, *knots]) * machine.scale[i]
             breaks[i] = np.concatenate([breaks.get(i, np.empty(0)), nodes[np.isfinite(nodes)]])
     open_pieces = {i: _distinct(found) for i, found in breaks.items()}
-    done: dict[int, list[tuple[Array, Array, Array]]] = {i: [] for i in breaks}
-    for _ in range(HALVINGS):
-        found = _fitted(machine, model, state, open_pieces, directed)
+    coarse = _fitted(machine, model, state, open_pieces, directed)
+    done: dict[int, list[_Fitted]] = {i: [] for i in breaks}
+    for round_ in range(HALVINGS):
+        found = _fitted(machine, model, state, open_pieces, directed) if round_ else coarse
         open_pieces = {}
-        for i, (first, last, coefficients, exact) in found.items():
-            done[i].append((first[exact], last[exact], coefficients[..., exact]))
+        for i, fitted in found.items():
+            exact = fitted.exact.all(axis=0)
+            done[i].append(fitted.some(exact))
             if not exact.all():
-                low, high = first[~exact], last[~exact]
+                low, high = fitted.first[~exact], fitted.last[~exact]
                 middle = (low + high) / 2.0
                 open_pieces[i] = np.stack([np.concatenate([low, middle]), np.concatenate([middle, high])])
         if not open_pieces:
             break
-    tables = {}
-    for i, parts in done.items():
-        first, last, coefficients = (np.concatenate(column, axis=-1) for column in zip(*parts, strict=True))
-        order = np.argsort(first)
-        ordered = coefficients[..., order].swapaxes(0, 2).swapaxes(0, 1)  # degree, components, directions, pieces
-        flat = ordered.reshape(DEGREE + 1, 6, -1)
-        sizes = np.abs(flat).max(axis=(1, 2), initial=0.0)
-        degree = int(np.flatnonzero(sizes >= ROUNDING).max(initial=1))
-        nodes = np.append(first[order], last[order][-1:])
-        tables[i] = Table(nodes, np.ascontiguousarray(flat[: degree + 1]), directed)
-    return tables, set(open_pieces)
+    return {i: _table(coarse[i], parts, directed) for i, parts in done.items()}, set(open_pieces)
+
+
+def _table(coarse: _Fitted, parts: list[_Fitted], directed: bool) -> Table:
+    """The table of an axis from all its exact pieces, and from those before any of them was halved."""
+    first, last, coefficients, _ = (np.concatenate(column, axis=-1) for column in zip(*parts, strict=True))
+    order = np.argsort(first)
+    breaks, flat = np.append(first[order], last[order][-1:]), _flat(coefficients[..., order])
+    used, whole = flat.any(axis=(0, 2)), coarse.exact.all(axis=1)
+    long = breaks, flat
+    if not whole.all():
+        long = np.append(coarse.first, coarse.last[-1:]), _flat(coarse.coefficients * whole[:, None])
+    parts = (_slices(used & whole), *long), (_slices(used & ~whole), breaks, flat)
+    return Table(breaks, flat, directed, tuple(Pieces.of(*part, breaks) for part in parts if part[0]))
+
+
+def _slices(chosen: NDArrayBool) -> tuple[slice, ...]:
+    """Slices of neighbours that are all chosen `(k,)`."""
+    ends = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).tolist()
+    return tuple(map(slice, ends[::2], ends[1::2]))
+
+
+def _flat(coefficients: Array) -> Array:
+    """Coefficients `(degree + 1, 6, directions * pieces)`, without rounding, of `_Fitted` pieces in order."""
+    ordered = coefficients.swapaxes(0, 2).swapaxes(0, 1)  # degree, components, directions, pieces
+    flat = ordered.reshape(DEGREE + 1, 6, -1)
+    sizes = np.abs(flat).max(axis=(1, 2), initial=0.0)
+    degree = int(np.flatnonzero(sizes >= ROUNDING).max(initial=1))
+    return np.ascontiguousarray(flat[: degree + 1])
 
 
 def _distinct(nodes: Array) -> Array:
@@ -299,14 +320,30 @@ def _distinct(nodes: Array) -> Array:
     return np.stack([kept[:-1], kept[1:]])
 
 
+class _Fitted(NamedTuple):
+    """Polynomials of the error motions of an axis on p pieces."""
+
+    first: Array
+    """Ends of the pieces `(p,)`, mm or rad."""
+    last: Array
+    coefficients: Array
+    """`(directions, degree + 1, 6, p)`."""
+    exact: NDArrayBool
+    """True `(6, p)` where a polynomial agrees with the error model."""
+
+    def some(self, chosen: NDArrayBool) -> _Fitted:
+        """Those of some pieces, by a mask `(p,)`."""
+        return _Fitted(*(column[..., chosen] for column in self))
+
+
 def _fitted(
     machine: Machine,
     model: ErrorModel,
     state: ConstantConditions,
     pieces: dict[int, Array],
     directed: bool,
-) -> dict[int, tuple[Array, Array, Array, np.ndarray]]:
-    """By axis: ends of its pieces, coefficients `(directions, degree, 6, pieces)`, and true for exact pieces.
+) -> dict[int, _Fitted]:
+    """By axis: polynomials on these pieces.
 
     All axes are sampled together, because their errors do not depend on each other.
     """
@@ -326,6 +363,6 @@ def _fitted(
         values = values.reshape(len(ways), len(samples), len(first), 6).swapaxes(2, 3)
         coefficients = np.einsum("ds,wscp->wdcp", FIT, values[:, : DEGREE + 1])
         tested = np.einsum("sd,wdcp->wscp", AT_TESTS, coefficients)
-        exact = np.abs(tested - values[:, DEGREE + 1 :]).max(axis=(0, 1, 2)) < EXACT
-        found[i] = first, last, coefficients, exact
+        exact = np.abs(tested - values[:, DEGREE + 1 :]).max(axis=(0, 1)) < EXACT
+        found[i] = _Fitted(first, last, coefficients, exact)
     return found

@@ -17,6 +17,59 @@ TESTS = read_only(np.linspace(-1.0, 1.0, 16) * (1.0 - 1e-9))
 AT_TESTS = read_only(np.vander(TESTS, DEGREE + 1, increasing=True))
 
 
+class Pieces(NamedTuple):
+    """Some error motions of an axis, on pieces that are as long as these motions allow."""
+
+    components: tuple[slice, ...]
+    """Numbers of the error motions, each slice of neighbours."""
+    number: np.ndarray | None
+    """Number of the piece that contains each piece of the table, of all directions; None if they are the same."""
+    middle: Array
+    """Middle of the pieces of all directions `(directions * pieces,)`, mm or rad."""
+    half: Array
+    """Half of their lengths."""
+    coefficients: Array
+    """As of Table."""
+
+    @classmethod
+    def of(cls, components: tuple[slice, ...], breaks: Array, coefficients: Array, within: Array) -> Pieces:
+        """Pieces between breaks, for a table whose pieces lie between the breaks `within`."""
+        directions = coefficients.shape[2] // (len(breaks) - 1)
+        low, high = (np.tile(ends, directions) for ends in (breaks[:-1], breaks[1:]))
+        number = None
+        if len(breaks) < len(within):
+            first = np.searchsorted(breaks[1:-1], within[:-1], side="right")
+            number = np.concatenate([first + k * (len(breaks) - 1) for k in range(directions)])
+        return cls(components, number, (low + high) / 2.0, (high - low) / 2.0, coefficients)
+
+    def put(self, x: Array, piece: np.ndarray, values: Array) -> None:
+        """Error motions at positions `(n,)` into `values` `(6, n)`; piece `(n,)`: of the table, of all directions."""
+        if self.number is not None:
+            piece = self.number.take(piece)
+        ends = np.append(np.flatnonzero(piece[1:] != piece[:-1]) + 1, len(piece)).tolist()
+        if len(ends) > FEW:
+            self._put(piece, x, values)
+            return
+        for first, end in pairwise([0, *ends]):  # a smooth path: no row is copied
+            self._put(piece[first : first + 1], x[first:end], values[:, first:end])
+
+    def _put(self, piece: np.ndarray, x: Array, values: Array) -> None:
+        """As `put`, at positions in pieces `(n,)`, or in one piece `(1,)` (Horner)."""
+        u = (x - self.middle.take(piece)) / self.half.take(piece)
+        for some in self.components:
+            constant, *coefficients, last = self.coefficients[:, some]
+            there, found = np.empty((len(constant), len(piece))), values[some]
+
+            def of_pieces(coefficient: Array, out: Array = there) -> Array:
+                return coefficient.take(piece, axis=1, out=out, mode="clip")  # faster than with a check of the indices
+
+            np.multiply(of_pieces(last), u, out=found)
+            for coefficient in reversed(coefficients):
+                found += of_pieces(coefficient)
+                found *= u
+            found += of_pieces(constant)
+
+
 class Table(NamedTuple):
     """Pieces of the error motions of an axis; in the directions backward, 0 and forward one after the other if they
     depend on them."""
@@ -26,6 +79,8 @@ class Table(NamedTuple):
     coefficients: Array
     """`(degree + 1, 6, directions * pieces)`, mm and rad, by powers of the coordinate of a piece, at least 1."""
     directed: bool
+    parts: tuple[Pieces, ...]
+    """The error motions that are not zero everywhere."""
 
     def put(self, x: Array, approach: Array | None, values: Array) -> None:
         """Error motions at positions `(n,)` inside the breaks, approached in directions `(n,)`, into `values` `(6, n)`.
@@ -38,16 +93,13 @@ class Table(NamedTuple):
             if len(inside):
                 self._put_between(inside, x, approach, values)
                 return
-        pieces = len(self.breaks) - 1
+        if sum(some.stop - some.start for part in self.parts for some in part.components) < len(values):
+            values[:] = 0.0
         piece = np.searchsorted(self.breaks[1:-1], x, side="right")
         if self.directed and approach is not None:
-            piece += pieces * (approach.astype(int) + 1)
-        ends = np.append(np.flatnonzero(piece[1:] != piece[:-1]) + 1, len(piece))
-        if len(ends) > FEW:
-            self._put(piece, x, values)
-            return
-        for first, end in pairwise([0, *ends.tolist()]):  # a smooth path: no row is copied
-            self._put(piece[first : first + 1], x[first:end], values[:, first:end])
+            piece += (len(self.breaks) - 1) * (approach.astype(int) + 1)
+        for part in self.parts:
+            part.put(x, piece, values)
 
     def _put_between(self, inside: np.ndarray, x: Array, approach: Array, values: Array) -> None:
         """As `put`; `inside`: the rows between two directions."""
@@ -67,23 +119,6 @@ class Table(NamedTuple):
         values = np.einsum("sd,dcp->csp", AT_TESTS[:, : len(coefficients)], coefficients)
         slopes = np.einsum("sd,dcp->csp", AT_TESTS[:, : len(powers) - 1], powers[1:] * coefficients[1:]) / half
         return np.stack([_lengths(each.reshape(6, -1)).max(axis=1) for each in (values, slopes)])
-
-    def _put(self, piece: np.ndarray, x: Array, values: Array) -> None:
-        """As `put`, at positions in pieces `(n,)`, or in one piece `(1,)` (Horner)."""
-        first = piece % (len(self.breaks) - 1)
-        low, high = self.breaks[first], self.breaks[first + 1]
-        u = (x - (low + high) / 2.0) / ((high - low) / 2.0)
-        constant, *coefficients, last = self.coefficients
-        there = np.empty((6, len(piece)))
-
-        def of_pieces(coefficient: Array) -> Array:
-            return coefficient.take(piece, axis=1, out=there, mode="clip")  # faster than with a check of the indices
-
-        np.multiply(of_pieces(last), u, out=values)
-        for coefficient in reversed(coefficients):
-            values += of_pieces(coefficient)
-            values *= u
-        values += of_pieces(constant)
 
 
 class Curvature:

@@ -62,6 +62,8 @@ class MachineStates:
         """Sides of the play `(n, axes)` at the ends of the moves of the last chunk; None without backlash."""
         self.reverses: NDArrayBool | None = None
         """Moves `(n,)` of the last chunk in which an axis with backlash reverses; None without backlash."""
+        self.steady: NDArrayBool | None = None
+        """Moves `(n,)` of the last chunk along which each axis stays on its side of the play; None without backlash."""
         self._points = PathPoints(np.empty(0, int), np.empty(0), np.empty(0, int))
         self._in_play = self._play.last
         self._known: NDArrayBool = np.empty((0, len(machine.axes)), bool)
@@ -84,6 +86,9 @@ class MachineStates:
         self._in_play = InPlay(*(np.concatenate(columns) for columns in zip(before, found, strict=True)))
         self.approach = found.side[points.ends]
         self.reverses = self._reversing(points, before, found)
+        side = np.concatenate([before.side, found.side[:-1]])[points.ends]
+        alone = np.diff(points.ends, prepend=-1) == 1
+        self.steady = alone & known.all(axis=1) & (side == self.approach).all(axis=1)
 
     def _reversing(self, points: PathPoints, before: InPlay, found: InPlay) -> NDArrayBool:
         """Moves `(n,)` in which a drive moves by more than the dead band without its axis."""
@@ -104,12 +109,16 @@ class MachineStates:
 
         At shares of their paths, where the command is `drive` `(k, axes)`, mm and rad.
         """
-        if not self.axes:
+        if self.approach is None or self.steady is None:
             return self._conditions.states(None)
         rows = np.flatnonzero(rows) if rows.dtype == bool else rows
-        at = self._points.before(rows, np.broadcast_to(shares, rows.shape))
-        found = self._play.limits.moved(self._in_play.rows(at + 1), drive, self._half_play(drive))
-        return self._conditions.states(np.where(self._known[rows], np.nan_to_num(found.side), 0.0))
+        side, turning = self.approach[rows], np.flatnonzero(~self.steady[rows])
+        if len(turning):
+            some, there = rows[turning], drive[turning]
+            at = self._points.before(some, np.broadcast_to(shares, rows.shape)[turning])
+            found = self._play.limits.moved(self._in_play.rows(at + 1), there, self._half_play(there))
+            side[turning] = np.where(self._known[some], np.nan_to_num(found.side), 0.0)
+        return self._conditions.states(side)
 
     def _half_play(self, q: Array) -> Array:
         return half_play(self._machine, self._directed, self._conditions.state(q, np.ones_like(q)))

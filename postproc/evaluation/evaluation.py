@@ -24,6 +24,7 @@ from postproc.evaluation.sampled_uncertainty import SampledUncertainties
 from postproc.evaluation.trace import Trace
 from postproc.motion.along import CLOSELY, INNER
 from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind
 
 BETWEEN = (0.25, 0.5, 0.75)
 """Shares of the path of a written block at which the error between its ends is predicted."""
@@ -216,6 +217,7 @@ class Evaluation:
         if exact.any():
             some = found[exact]
             errors_between[exact] = self._errors_between(motions, commanded, self._after, some)
+            some = some[self._may_be_largest(moves, before, some)]
             self._found.anywhere.add(BETWEEN_ENDS, self._errors_between(motions, motions, self._before, some), NOWHERE)
         self._found.anywhere.add(BETWEEN_ENDS, NOWHERE, errors_between)
         self._add_closely(moves, found[errors_between > self._tolerance_um])
@@ -226,6 +228,22 @@ class Evaluation:
             block = int(motions.block[row])
             reason = ROTARY_ONLY if rotary_only[row] else moves.unsplit.get(block, ERROR_JUMPS)
             self._found.not_split.setdefault(reason, UnsplitMoves()).add(int(moves.lines[row]), size)
+
+    def _may_be_largest(self, moves: WrittenMoves, before: Array, rows: np.ndarray) -> NDArrayBool:
+        """True `(rows,)` for moves whose error in the input may exceed the largest one so far; before: as above.
+
+        The error along a straight move deviates from a straight line by no more than a bound of its second difference,
+        so that it exceeds those at both ends by no more, as long as each axis stays on its side of the play.
+        """
+        motions, steady = moves.motions, self._before.steady
+        joined = (motions.kind[1:] == Kind.LINE) & (motions.frame[1:] == motions.frame[:-1])
+        joined &= (motions.start[1:] == motions.target[:-1]).all(axis=1)
+        if steady is not None:
+            joined &= steady[1:]
+        largest = np.full(len(motions), np.inf)
+        bounds = moves.bounds[1:] * 1e3
+        largest[1:] = np.where(joined, np.maximum(before[1:], before[:-1]) + bounds, np.inf)
+        return ~(largest[rows] <= self._found.anywhere.before)
 
     def _add_closely(self, moves: WrittenMoves, rows: np.ndarray) -> None:
         """Add the errors of rows beyond the tolerance to the largest ones, at the places where `verify` looks."""

@@ -16,7 +16,7 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.axis_positions import held_shifts, moved_anew
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import correct_ends
+from postproc.compensation.correction import Correction, correct_ends
 from postproc.correct.backlash.drive_ends import DriveEnds, Sides, Targets
 from postproc.motion.along import positions_along
 from postproc.motion.motions import Motions
@@ -81,6 +81,8 @@ class ChunkTargets:
         )
         corrected = np.flatnonzero(program.corrected_axes).tolist()
         self._beside = directed_otherwise(motions.machine, program.directed, forward, corrected)
+        self._sided: tuple[Array, Correction] | None = None
+        """Sides at the ends of moves, and the correction with them, as found last."""
 
     def follow(self, drives: DriveEnds) -> tuple[Sides, DriveEnds]:
         """The sides of the play in the chunk, and the drives after it; `drives`: before it."""
@@ -99,10 +101,7 @@ class ChunkTargets:
         last, now = self._points.ends, self.now
         ahead = np.where(now.chosen, sides.last * now.half[last], 0.0)
         if self._beside:
-            program = self._program
-            found = correct_ends(
-                self._motions, *program.models, program.conditions, sides.last, precision=program.precision
-            )
+            found = self._corrected(sides.last)
             found = replace(found, corrected=found.corrected - ahead)
             self._shifts = held_shifts(self._motions, found, self._before)
         axis, drift = now.axis, now.drift
@@ -116,6 +115,20 @@ class ChunkTargets:
             self.now = self.now._replace(drift=self._positions(starts, ahead) - self.now.axis - straight)
         moved = max(float(np.abs(new - old).max()) for new, old in ((self.now.axis, axis), (self.now.drift, drift)))
         return moved > ALIKE
+
+    def _corrected(self, approach: Array) -> Correction:
+        """The correction of the ends of moves with these sides `(n, axes)`: anew where they are others than before."""
+        program, known = self._program, self._sided
+        rows = np.arange(len(approach)) if known is None else np.flatnonzero((approach != known[0]).any(axis=1))
+        part = self._motions if known is None else self._motions.bare.take(rows)
+        if known is None or len(rows):
+            found = correct_ends(part, *program.models, program.conditions, approach[rows], precision=program.precision)
+            if known is not None:
+                corrected, target = known[1].corrected.copy(), known[1].target.copy()
+                corrected[rows], target[rows] = found.corrected, found.target
+                found = replace(known[1], corrected=corrected, target=target)
+            self._sided = approach, found
+        return self._sided[1]
 
     def _positions(self, starts: Array, ends: Array) -> Array:
         """Axis positions `(k, axes)` at the points, with these additions `(n, axes)` at starts and ends of moves."""
