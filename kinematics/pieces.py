@@ -28,6 +28,8 @@ EXACT = 1e-12
 """mm and rad."""
 MARGIN = 5.0
 """mm or degrees beyond the travel to which tables reach; further outside the model itself is evaluated."""
+FAR = 1.0
+"""Lengths of the travel beyond it to which the tables reach that serve positions beyond the others."""
 ENDLESS_TURNS, ENDLESS_MM = 2.0, 5000.0
 """Reach of the tables of axes without end on either side of zero."""
 MOST_FEATURES = 500.0
@@ -54,8 +56,9 @@ ConstantConditions = Callable[[Array, Array | None], State]
 class ErrorMotions:
     """Error motions of a machine by a model at constant conditions."""
 
-    def __init__(self, machine: Machine, model: ErrorModel, state: ConstantConditions) -> None:
-        self.machine, self.model, self._state = machine, model, state
+    def __init__(self, machine: Machine, model: ErrorModel, state: ConstantConditions, beyond: float = 0.0) -> None:
+        """beyond: lengths of the travel by which the tables reach further beyond it."""
+        self.machine, self.model, self._state, self._beyond = machine, model, state, beyond
         self._last: dict[tuple[int, int], tuple[Array, Array | None, Array]] = {}
         """By axis and number of its table: positions, directions and error motions of the last evaluation."""
         self._without_table: set[int] = set()
@@ -64,7 +67,7 @@ class ErrorMotions:
         while True:
             held = bare.part(self._in_table)
             found = [
-                _tables(machine, held.part(_is_directed if directed else _is_not_directed), state, directed)
+                _tables(machine, held.part(_is_directed if directed else _is_not_directed), state, directed, beyond)
                 for directed in (False, True)
             ]
             failed = found[0][1] | found[1][1]
@@ -105,7 +108,7 @@ class ErrorMotions:
 
     def _in_table(self, effect: Effect) -> bool:
         """True for the effects in tables and for constants of the tool."""
-        axis = _axis_of(effect, self.machine)
+        axis = _axis_of(effect, self.machine, self._beyond)
         return axis is not None and axis not in self._without_table
 
     @property
@@ -121,17 +124,31 @@ class ErrorMotions:
         """
         near = self._turned_back(q)
         held = self._held(near, approach)
-        if not held.any():
-            return self.model.errors(self.machine, self._state(q, approach))
         if held.all():
             result = self._by_tables(near, approach)
+        elif self.far is not None:
+            errors = np.empty((len(self.machine.axes) + 1, 6, len(q)))
+            for motions, rows, there in ((self, held, near), (self.far, ~held, q)):
+                if rows.any():
+                    some = motions.at(there[rows], None if approach is None else approach[rows])
+                    errors[:, :, rows] = np.moveaxis(some, 0, 2)
+            result = np.moveaxis(errors, 2, 0)
         else:
             result = self.model.errors(self.machine, self._state(q, approach))
-            result[held] = self._by_tables(near[held], None if approach is None else approach[held])
+            if held.any():
+                result[held] = self._by_tables(near[held], None if approach is None else approach[held])
         if self._rest.effects:
             rest = self._rest.errors(self.machine, self._state(q, approach))
             result = result + np.where(held[:, None, None], rest, 0.0)
         return result
+
+    @cached_property
+    def far(self) -> ErrorMotions | None:
+        """Those with tables beyond the reach of these; None where tables do not hold all errors, or need directions."""
+        if self._beyond or not self.complete:
+            return None
+        far = ErrorMotions(self.machine, self.model, self._state, FAR)
+        return far if far.complete else None
 
     def turns_away(self, i: int, low: Array, high: Array) -> Array:
         """Whole turns `(n,)`, rad, after which an axis has the errors that tables hold, at positions from low to high.
@@ -222,13 +239,13 @@ def _equal(column: Array | None, other: Array | None) -> bool:
     return column is other or (column is not None and other is not None and np.array_equal(column, other))
 
 
-def _axis_of(effect: Effect, machine: Machine) -> int | None:
+def _axis_of(effect: Effect, machine: Machine, beyond: float) -> int | None:
     """Column of the axis in whose table an effect belongs, -1 for a constant of the tool; None if no table holds it."""
     bases = effect.position_bases
     if effect.ACTS_ON == "instrument" or bases is None or len(bases) > 1:
         return None
     for name in bases:
-        low, high = _reach(machine.axes[machine.index(name)])
+        low, high = _reach(machine.axes[machine.index(name)], beyond)
         if effect.feature_lengths.get(name, np.inf) * MOST_FEATURES < high - low:
             return None
         return machine.index(name)
@@ -244,26 +261,27 @@ def _is_not_directed(effect: Effect) -> bool:
     return not _is_directed(effect)
 
 
-def _reach(axis: Axis) -> tuple[float, float]:
-    """Lower and upper end of the table of an axis, mm or degrees."""
+def _reach(axis: Axis, beyond: float) -> tuple[float, float]:
+    """Lower and upper end of the table of an axis, mm or degrees; beyond: as of ErrorMotions."""
     endless = ENDLESS_TURNS * TURN if axis.rotary else ENDLESS_MM
     low, high = axis.travel
-    return (low - MARGIN if np.isfinite(low) else -endless), (high + MARGIN if np.isfinite(high) else endless)
+    margin = MARGIN + (beyond * (high - low) if np.isfinite(high - low) else 0.0)
+    return (low - margin if np.isfinite(low) else -endless), (high + margin if np.isfinite(high) else endless)
 
 
 def _tables(
-    machine: Machine, model: ErrorModel, state: ConstantConditions, directed: bool
+    machine: Machine, model: ErrorModel, state: ConstantConditions, directed: bool, beyond: float
 ) -> tuple[dict[int, Table], set[int]]:
     """Tables by column of the axis, and the axes for which no table becomes exact.
 
-    directed: the effects depend on the direction of approach.
+    directed: the effects depend on the direction of approach; beyond: as of ErrorMotions.
     """
     breaks: dict[int, Array] = {}
     for effect in model.effects:
         for name, basis in (effect.position_bases or {}).items():
             i = machine.index(name)
             axis = machine.axes[i]
-            low, high = _reach(axis)
+            low, high = _reach(axis, beyond)
             knots = [] if basis is None else knots_of(axis, basis, low, high)
             nodes = np.array([low, *axis.travel, high, *knots]) * machine.scale[i]
             breaks[i] = np.concatenate([breaks.get(i, np.empty(0)), nodes[np.isfinite(nodes)]])

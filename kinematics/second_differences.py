@@ -149,6 +149,25 @@ class SecondDifferences:
         bound also holds for the error minus the datum shift `(n, 3)`, mm, along the linear axes. least: smallest
         bound, mm, that is returned: paths that keep it together with their neighbours are not looked at singly.
         """
+        found = self._inside(start, end, tool, tcp, turned, datum, least)
+        rows = np.flatnonzero(np.isinf(found))
+        far = self._motions.far if len(rows) and self._in_front is not None else None
+        if far is not None:
+            some = (each[rows] for each in (start, end, tool, tcp, turned, datum))
+            found[rows] = SecondDifferences(far)._inside(*some, least)
+        return found
+
+    def _inside(
+        self,
+        start: Array,
+        end: Array,
+        tool: Array,
+        tcp: NDArrayBool,
+        turned: NDArrayBool,
+        datum: Array,
+        least: float,
+    ) -> Array:
+        """As `bounds`; infinite also beyond the reach of the tables."""
         n = len(start)
         if not n or not self._motions.complete or self._in_front is None:
             return np.full(n, np.inf)

@@ -270,12 +270,10 @@ class Evaluation:
         """Largest errors `(n,)`, um, between the ends of straight moves, from the errors at both ends; nan if unknown.
 
         The error deviates from the straight line between those of the ends by no more than a bound of its second
-        difference; it is unknown where this is more than a share STRAIGHT of the tolerance, or could make the move
-        worse than the tolerance or the input.
+        difference, as long as each axis stays on its side of the play; it is unknown where this is more than a share
+        STRAIGHT of the tolerance, or could make the move worse than the tolerance or the input.
         """
         found = np.full(len(left), np.nan)
-        if self._after.axes:
-            return found
         joined = self._joined.follow(moves.motions, moves.commanded, moves.written, left)
         bound, first = (moves.bounds + joined.bends) * 1e3, joined.first
         largest = (
@@ -283,6 +281,8 @@ class Evaluation:
         )
         tolerance = self._tolerance_um
         straight = joined.rows & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before))
+        if self._after.steady is not None:
+            straight &= self._after.steady
         found[straight] = largest[straight]
         return found
 
