@@ -24,7 +24,7 @@ from support.real_programs import ACCEPTED, FEW, LINES_OF_REAL_PROGRAMS, first_l
 from support.tiers import drawn, quick
 
 from kinematics.basis import Polynomial
-from kinematics.effects import ErrorMotion
+from kinematics.effects import Backlash, ErrorMotion
 from kinematics.user_error import UserError
 from postproc.compensation.correction import pose_errors
 from postproc.control.setup import make_setup
@@ -491,12 +491,15 @@ def test_an_arc_before_a_turn_ends_without_its_correction_if_it_can(begin, radiu
     assert moved == (note != "not corrected")
 
 
+@pytest.mark.parametrize("play_um", [0.0, 6.0])
 @pytest.mark.parametrize("head", ["", "G43.4 H1\n"], ids=["axes", "tcp"])
-def test_errors_between_ends_follow_from_those_at_the_ends(head):
-    """Where the bound of the second difference is small; to within that, and with the same text."""
+def test_errors_between_ends_follow_from_those_at_the_ends(head, play_um):
+    """Where the bound of the second difference is small, and no axis crosses its play; to within that, and with the
+    same text."""
     text = f"G21 G90 G17 G54 G94\nT1 M6\nG0 X60 Y0 Z200 B0 C0\n{head}{BENT}{TURNS}"
     dmu50 = load("dmu50")
-    model, evaluate = random_model(dmu50, 4), Evaluation._errors_between
+    play = [Backlash(axis, play_um) for axis in "XYZBC"] if play_um else []
+    model, evaluate = model_of(dmu50, *random_model(dmu50, 4).effects, *play), Evaluation._errors_between
     found, counts = [], []
 
     def counted(evaluation, motions, commanded, states, rows, *shares):

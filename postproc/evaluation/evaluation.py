@@ -22,7 +22,7 @@ from postproc.evaluation.joined_moves import JoinedMoves
 from postproc.evaluation.predicted_errors import AT_ENDS, BETWEEN_ENDS, UNCORRECTED, PredictedErrors, UnsplitMoves
 from postproc.evaluation.sampled_uncertainty import SampledUncertainties
 from postproc.evaluation.trace import Trace
-from postproc.motion.along import CLOSELY, INNER
+from postproc.motion.along import CLOSELY, INNER, positions_along
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 
@@ -334,11 +334,16 @@ class Evaluation:
         shares: Iterable[float] = BETWEEN,
     ) -> Array:
         """Largest errors `(rows,)`, um, of commanded moves between their ends; rows as a mask or by their numbers."""
-        tool, shift = motions.tool[rows], machine_states.datum_shifts(motions)[rows]
-        errors_between = np.zeros(len(tool))
-        for share in shares:
-            nominal = motions.in_machine(motions.along(share))[rows]
-            actual = motions.in_machine(commanded.along(share))[rows]
+        rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+        bare, tool, shift = motions.bare.take(rows), motions.tool[rows], machine_states.datum_shifts(motions)[rows]
+        errors_between = np.zeros(len(rows))
+        for share in shares if len(rows) else ():
+            nominal, actual = (
+                bare.in_machine(
+                    text.target[rows] if share == 1.0 else positions_along(text, rows, np.full(len(rows), share))
+                )
+                for text in (motions, commanded)
+            )
             states = machine_states.states_at(rows, share, actual)
             here = pose_errors(self.machine, self._model, actual, nominal, tool, states, shift).point_um
             errors_between = np.maximum(errors_between, here)
