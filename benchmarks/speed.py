@@ -171,7 +171,7 @@ def page(sections: dict[str, str], path: Path) -> str:
     kept = {title: text.strip() for title, text in zip(present[::2], present[1::2], strict=True)}
     if any(title.endswith(" moves") for title in sections):
         kept = {title: text for title, text in kept.items() if not title.endswith(" moves")}
-    order = ("moves", "Forms", "short", "Start", "Other", "Real", "Commands")
+    order = ("moves", "Steps", "Forms", "costs", "short", "Start", "Other", "Real", "Commands")
     titles = sorted(kept | sections, key=lambda title: next(i for i, word in enumerate(order) if word in title))
     return "\n\n".join([INTRODUCTION.rstrip(), *(f"## {t}\n\n{(kept | sections)[t]}" for t in titles)]) + "\n"
 
@@ -358,7 +358,8 @@ Lines in bulk are read, moved and written in columns, together with the lines ar
 one: comments, cycles, M functions, arcs among increments (G91), tool vectors (LN, A3 B3 C3), and moves that are split.
 All lines of a program count (`benchmarks/plain_share.py`). Before: another checkout, run in turn with this one
 (`--before CHECKOUT`, also `benchmarks/before_after.py`). The times of forms hold the start of the process. `verify`
-reads two programs of 200,000 blocks, `fit` 3,000 rows, `diagnose` 300.
+reads two programs of 200,000 blocks, `fit` 3,000 rows, `diagnose` 300. `benchmarks/speed_steps.py` writes the table of
+steps, `benchmarks/speed_correcting.py` that of what costs more.
 """
 
 if __name__ == "__main__":

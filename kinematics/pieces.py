@@ -292,12 +292,12 @@ def _tables(
         found = _fitted(machine, model, state, open_pieces, directed) if round_ else coarse
         open_pieces = {}
         for i, fitted in found.items():
-            exact = fitted.exact.all(axis=0)
+            exact = np.asarray(fitted.exact.all(axis=0))
             done[i].append(fitted.some(exact))
             if not exact.all():
-                low, high = fitted.first[~exact], fitted.last[~exact]
-                middle = (low + high) / 2.0
-                open_pieces[i] = np.stack([np.concatenate([low, middle]), np.concatenate([middle, high])])
+                first, last = fitted.first[~exact], fitted.last[~exact]
+                middle = (first + last) / 2.0
+                open_pieces[i] = np.stack([np.concatenate([first, middle]), np.concatenate([middle, last])])
         if not open_pieces:
             break
     return {i: _table(coarse[i], parts, directed) for i, parts in done.items()}, set(open_pieces)
@@ -308,12 +308,12 @@ def _table(coarse: _Fitted, parts: list[_Fitted], directed: bool) -> Table:
     first, last, coefficients, _ = (np.concatenate(column, axis=-1) for column in zip(*parts, strict=True))
     order = np.argsort(first)
     breaks, flat = np.append(first[order], last[order][-1:]), _flat(coefficients[..., order])
-    used, whole = flat.any(axis=(0, 2)), coarse.exact.all(axis=1)
+    used, whole = np.asarray(flat.any(axis=(0, 2))), np.asarray(coarse.exact.all(axis=1))
     long = breaks, flat
     if not whole.all():
         long = np.append(coarse.first, coarse.last[-1:]), _flat(coarse.coefficients * whole[:, None])
-    parts = (_slices(used & whole), *long), (_slices(used & ~whole), breaks, flat)
-    return Table(breaks, flat, directed, tuple(Pieces.of(*part, breaks) for part in parts if part[0]))
+    some = (_slices(used & whole), *long), (_slices(used & ~whole), breaks, flat)
+    return Table(breaks, flat, directed, tuple(Pieces.of(*part, breaks) for part in some if part[0]))
 
 
 def _slices(chosen: NDArrayBool) -> tuple[slice, ...]:
@@ -351,7 +351,7 @@ class _Fitted(NamedTuple):
 
     def some(self, chosen: NDArrayBool) -> _Fitted:
         """Those of some pieces, by a mask `(p,)`."""
-        return _Fitted(*(column[..., chosen] for column in self))
+        return _Fitted(self.first[chosen], self.last[chosen], self.coefficients[..., chosen], self.exact[:, chosen])
 
 
 def _fitted(

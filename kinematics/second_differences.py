@@ -153,8 +153,8 @@ class SecondDifferences:
         rows = np.flatnonzero(np.isinf(found))
         far = self._motions.far if len(rows) and self._in_front is not None else None
         if far is not None:
-            some = (each[rows] for each in (start, end, tool, tcp, turned, datum))
-            found[rows] = SecondDifferences(far)._inside(*some, least)
+            moves = start[rows], end[rows], tool[rows], tcp[rows], turned[rows], datum[rows]
+            found[rows] = SecondDifferences(far)._inside(*moves, least)
         return found
 
     def _inside(

@@ -243,7 +243,7 @@ class Evaluation:
         largest = np.full(len(motions), np.inf)
         bounds = moves.bounds[1:] * 1e3
         largest[1:] = np.where(joined, np.maximum(before[1:], before[:-1]) + bounds, np.inf)
-        return ~(largest[rows] <= self._found.anywhere.before)
+        return np.asarray(~(largest[rows] <= self._found.anywhere.before))
 
     def _add_closely(self, moves: WrittenMoves, rows: np.ndarray) -> None:
         """Add the errors of rows beyond the tolerance to the largest ones, at the places where `verify` looks."""

@@ -118,17 +118,20 @@ class ChunkTargets:
 
     def _corrected(self, approach: Array) -> Correction:
         """The correction of the ends of moves with these sides `(n, axes)`: anew where they are others than before."""
-        program, known = self._program, self._sided
-        rows = np.arange(len(approach)) if known is None else np.flatnonzero((approach != known[0]).any(axis=1))
-        part = self._motions if known is None else self._motions.bare.take(rows)
-        if known is None or len(rows):
-            found = correct_ends(part, *program.models, program.conditions, approach[rows], precision=program.precision)
-            if known is not None:
-                corrected, target = known[1].corrected.copy(), known[1].target.copy()
-                corrected[rows], target[rows] = found.corrected, found.target
-                found = replace(known[1], corrected=corrected, target=target)
-            self._sided = approach, found
-        return self._sided[1]
+        program, motions = self._program, self._motions
+        if self._sided is None:
+            found = correct_ends(motions, *program.models, program.conditions, approach, precision=program.precision)
+        else:
+            before, found = self._sided
+            rows = np.flatnonzero((approach != before).any(axis=1))
+            if len(rows):
+                part, sides = motions.bare.take(rows), approach[rows]
+                anew = correct_ends(part, *program.models, program.conditions, sides, precision=program.precision)
+                corrected, target = found.corrected.copy(), found.target.copy()
+                corrected[rows], target[rows] = anew.corrected, anew.target
+                found = replace(found, corrected=corrected, target=target)
+        self._sided = approach, found
+        return found
 
     def _positions(self, starts: Array, ends: Array) -> Array:
         """Axis positions `(k, axes)` at the points, with these additions `(n, axes)` at starts and ends of moves."""
