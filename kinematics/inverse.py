@@ -27,11 +27,11 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.columns import ChainColumns, minus, vector
+from kinematics.columns import ChainColumns, Vector, cross, dot, length, minus, vector
 from kinematics.error_transform import pose_slopes
 from kinematics.forward import forward
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import Array, read_only, rotation_about, turn
+from kinematics.transforms import Array, read_only, turn
 
 TOLERANCE = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
 POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
@@ -40,6 +40,8 @@ FLAT = 1e-9  # volume spanned by the directions of the linear axes below which t
 CONVERGED = 5e-11  # mm: residual at which a damped Newton search ends, orientation counted at an arm of ARM
 ARM = 100.0  # mm per rad: weighs orientation against position in the damped Newton search
 RESTARTS = 8  # damped Newton searches from other rotary positions before a pose is given up
+DOUBT = 1e-9  # rad: solutions whose ways differ by less are compared one by one
+AHEAD, MOST_AHEAD = 16, 4096  # rows that are compared together: twice as many after rows without doubt
 TURN = 2.0 * math.pi
 TOOL_AXIS = read_only(np.array([0.0, 0.0, 1.0]))
 UNLIMITED = read_only(np.array([[-math.inf], [math.inf]]))
@@ -181,8 +183,8 @@ def _goal(position: ArrayLike, tool_axis: ArrayLike, tool: ArrayLike) -> _Goal:
     """Arrays of one length; tool axes of length 1, NaN where they have no direction."""
     given = (np.atleast_2d(np.asarray(rows, float)) for rows in (position, tool_axis, tool))
     points, axis, tips = np.broadcast_arrays(*given)
-    length = np.linalg.norm(axis, axis=1, keepdims=True)
-    return _Goal(points, axis / np.where(length > 0.0, length, np.nan), tips)
+    size = np.linalg.norm(axis, axis=1, keepdims=True)
+    return _Goal(points, axis / np.where(size > 0.0, size, np.nan), tips)
 
 
 def _limits(machine: Machine, start: ArrayLike | None, respect_travel: bool) -> tuple[Array, Array]:
@@ -203,34 +205,41 @@ def _closed_form(machine: Machine) -> bool:
     return all(np.linalg.norm(np.cross(lines[1], other)) > 1e-6 for other in (lines[0], TOOL_AXIS))
 
 
-def _angle_between(a: Array, b: Array) -> Array:
-    """Angles, rad, 0 to pi, between unit vectors `(3,)` and `(n, 3)` or `(3,)`; exact at both ends."""
-    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), b @ a))
+def _angle_between(a: Vector, b: Vector) -> Array:
+    """Angles `(n,)`, rad, 0 to pi, between unit vectors; exact at both ends."""
+    return np.asarray(np.arctan2(length(cross(a, b)), dot(a, b)))
 
 
-def _angle_about(line: Array, v: Array, u: Array) -> Array:
-    """Angles, rad, that turn v about `line` into the half-plane of u (subproblem 1); accurate down to the pole."""
-    a, b = np.cross(line, v), np.cross(line, u)
-    return np.asarray(np.arctan2(np.cross(a, b) @ line, np.sum(a * b, axis=-1)))
+def _angle_about(line: Vector, v: Vector, u: Vector) -> Array:
+    """Angles `(n,)`, rad, that turn v about `line` into the half-plane of u (subproblem 1); accurate to the pole."""
+    a, b = cross(line, v), cross(line, u)
+    return np.asarray(np.arctan2(dot(cross(a, b), line), dot(a, b)))
 
 
 def _branches(machine: Machine, u: Array) -> tuple[Array, NDArrayBool, NDArrayBool]:
     """All solutions, up to whole turns, that bring the tool axis to u `(n, 3)` with at most two rotary axes.
 
-    Rotary positions `(branches, n, rotary axes)`; masks `(n,)`: u is attainable, the first rotary axis is free.
+    Rotary positions `(branches, n, rotary axes)`; masks `(n,)`: u is attainable, the first rotary axis is free. Each
+    row is calculated by itself, to the last bit.
     """
-    lines = _rotary_directions(machine)
+    lines, p = [vector(line) for line in _rotary_directions(machine)], vector(TOOL_AXIS)
+    goal: Vector = (u[:, 0].copy(), u[:, 1].copy(), u[:, 2].copy())
     if not lines:
-        attainable = _angle_between(TOOL_AXIS, u) <= TOLERANCE
-        return np.empty((1, len(u), 0)), attainable, np.zeros(len(u), bool)
-    free = np.linalg.norm(np.cross(lines[0], u), axis=1) <= POLE
-    tilt = _angle_between(lines[0], u)
+        return np.empty((1, len(u), 0)), _angle_between(p, goal) <= TOLERANCE, np.zeros(len(u), bool)
+    free = length(cross(lines[0], goal)) <= POLE
+    tilt = _angle_between(lines[0], goal)
     if len(lines) == 1:
-        attainable = np.abs(tilt - _angle_between(lines[0], TOOL_AXIS)) <= TOLERANCE
-        return _angle_about(lines[0], TOOL_AXIS, u)[None, :, None], attainable, free
-    opening, margin = _opening(tilt, _angle_between(lines[0], lines[1]), _angle_between(lines[1], TOOL_AXIS))
-    second = _angle_about(lines[1], TOOL_AXIS, lines[0]) + np.stack([opening, -opening])
-    first = [_angle_about(lines[0], turn(rotation_about(lines[1], angle), TOOL_AXIS), u) for angle in second]
+        attainable = np.abs(tilt - _angle_between(lines[0], p)) <= TOLERANCE
+        return _angle_about(lines[0], p, goal)[None, :, None], attainable, free
+    opening, margin = _opening(tilt, _angle_between(lines[0], lines[1]), _angle_between(lines[1], p))
+    second = _angle_about(lines[1], p, lines[0]) + np.stack([opening, -opening])
+    once = cross(lines[1], p)
+    twice = cross(lines[1], once)
+    first = []
+    for angle in second:  # Rodrigues: the tool axis turned about the second rotary axis
+        sine, versed = np.sin(angle), 2.0 * np.sin(angle / 2.0) ** 2
+        x, y, z = (p[i] + sine * once[i] + versed * twice[i] for i in range(3))
+        first.append(_angle_about(lines[0], (x, y, z), goal))
     return np.stack([np.stack(first), second], axis=-1), margin >= -TOLERANCE, free
 
 
@@ -271,24 +280,49 @@ def _choose(
 
     fits `(branches, n)`: the linear axes are inside travel. start `(rotary axes,)`, travel `(2, rotary axes)`.
     """
-    low, high = (travel[0] - TOLERANCE).tolist(), (travel[1] + TOLERANCE).tolist()
-    rows = np.flatnonzero(attainable)
-    options = zip(
-        candidates[:, rows].swapaxes(0, 1).tolist(), fits[:, rows].T.tolist(), free[rows].tolist(), strict=True
-    )
-    taken, previous = [], start.tolist()
-    for row_candidates, row_fits, row_free in options:
-        best, least = previous, (True, math.inf)
-        for angles, fit in zip(row_candidates, row_fits, strict=True):
-            wound, inside = _wound([previous[0], *angles[1:]] if row_free else angles, previous, low, high)
-            cost = (not (inside and fit), math.dist(wound, previous))
+    limits = np.stack([travel[0] - TOLERANCE, travel[1] + TOLERANCE])
+    low, high = limits.tolist()
+    rows, chosen = np.flatnonzero(attainable), np.zeros(candidates.shape[1:])
+    options, fitting, kept = candidates[:, rows], fits[:, rows], free[rows]
+    taken, previous, at, ahead = np.empty(options.shape[1:]), start.tolist(), 0, AHEAD
+    while at < len(rows):
+        best, branch, least = previous, 0, (True, math.inf)
+        for number, angles in enumerate(options[:, at].tolist()):
+            wound, inside = _wound([previous[0], *angles[1:]] if kept[at] else angles, previous, low, high)
+            cost = (not (inside and fitting[number, at]), math.dist(wound, previous))
             if cost < least:
-                best, least = wound, cost
-        taken.append(best)
-        previous = best
-    chosen = np.zeros(candidates.shape[1:])
-    chosen[rows] = np.reshape(taken, (len(rows), len(start)))
+                best, branch, least = wound, number, cost
+        taken[at] = previous = best
+        part = slice(at, at + 1 + ahead)
+        found = _following(options[:, part], fitting[:, part], kept[part], branch, taken[at], limits)
+        taken[at + 1 : at + 1 + len(found)] = found
+        ahead = min(2 * ahead, MOST_AHEAD) if len(found) == ahead else AHEAD
+        at += 1 + len(found)
+        previous = taken[at - 1].tolist()
+    chosen[rows] = taken
     return _on_ends(chosen, travel)
+
+
+def _following(
+    candidates: Array, fits: NDArrayBool, free: NDArrayBool, branch: int, first: Array, limits: Array
+) -> Array:
+    """Positions `(k, rotary axes)` of the rows behind the first one that stay in its branch without any doubt.
+
+    candidates `(branches, n, rotary axes)`; first: position of the first row; limits `(2, rotary axes)`: of travel.
+    """
+    own, later = candidates[branch], candidates[:, 1:]
+    turns = np.round((first - own[0]) / TURN) - np.cumsum(np.round(np.diff(own, axis=0) / TURN), axis=0)
+    wound = own[1:] + TURN * turns
+    wound[:, : int(free[0])] = first[: int(free[0])]
+    before = np.concatenate([first[None], wound[:-1]])
+    clear = (np.abs(wound - before) < np.pi - DOUBT).all(axis=1) & ~free[1:] & ~free[0]
+    for other in np.delete(later, branch, axis=0):
+        nearest = other + TURN * np.round((before - other) / TURN)
+        clear &= np.linalg.norm(nearest - before, axis=1) > np.linalg.norm(wound - before, axis=1) + DOUBT
+    unchanged = (later == candidates[:, :-1]).all(axis=(0, 2)) & (free[1:] == free[0])
+    best = fits[branch, 1:] | ~fits[:, 1:].any(axis=0)
+    sure = (clear | unchanged) & best & ((wound >= limits[0]) & (wound <= limits[1])).all(axis=1)
+    return np.asarray(wound if sure.all() else wound[: int(sure.argmin())])
 
 
 def _wound(angles: list[float], previous: list[float], low: list[float], high: list[float]) -> tuple[list[float], bool]:

@@ -364,3 +364,26 @@ def test_a_machine_that_can_not_place_a_tool_is_refused():
     machine = chain("w C B b X Y t", {"C": (-360, 360), "B": (-110, 110)})
     with pytest.raises(UserError, match="do not span space"):
         inverse(machine, [[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("name", FIVE_AXIS)
+@pytest.mark.parametrize("path", ["smooth", "random", "repeated", "across the pole"])
+def test_rows_together_are_the_rows_one_after_the_other(name, path):
+    machine, n, rng = machines.load(name), 120, np.random.default_rng(5)
+    t = np.linspace(0.0, 25.0, n)
+    tilt = 0.3 * np.sin(t)
+    axes = {
+        "smooth": np.stack([np.sin(0.3) * np.cos(t), np.sin(0.3) * np.sin(t), np.full(n, np.cos(0.3))], axis=1),
+        "random": rng.normal(size=(n, 3)) * [1.0, 1.0, 0.3] + [0.0, 0.0, 1.0],
+        "repeated": np.repeat(np.round(rng.normal(size=(n // 10, 3)), 1) + [0.0, 0.0, 2.0], 10, axis=0),
+        "across the pole": np.stack([np.zeros(n), np.sin(tilt), np.cos(tilt)], axis=1),
+    }[path]
+    axes[: n // 4] = [0.0, 0.0, 1.0]
+    points = np.stack([400 * np.sin(t), 50 * np.cos(t), np.full(n, 100.0)], axis=1)
+    together = inverse(machine, points, axes, (0.0, 0.0, -120.0))
+    start, rows = np.clip(0.0, *machine.travel), []
+    for point, axis in zip(points, axes, strict=True):
+        rows.append(inverse(machine, point, axis, (0.0, 0.0, -120.0), start=start))
+        start = rows[-1].q[0] if np.isfinite(rows[-1].q).all() else start
+    for part, of in (("q", together.q), ("reachable", together.reachable), ("singular", together.singular)):
+        np.testing.assert_array_equal(of, np.concatenate([getattr(row, part) for row in rows]))
