@@ -91,7 +91,7 @@ def inverse(
 
     Source: thesis (3.25)-(3.29) for the DMU 50, Paden-Kahan subproblems in general; see the head of this module.
     """
-    if not _closed_form(machine):
+    if not closed_form(machine):
         return damped_newton(machine, position, tool_axis, tool, start=start, respect_travel=respect_travel)
     goal = _goal(position, tool_axis, tool)
     first, travel = _limits(machine, start, respect_travel)
@@ -115,7 +115,7 @@ def rotary_solutions(machine: Machine, tool_axis: ArrayLike, start: ArrayLike) -
     """
     first, rotary = np.asarray(start, float), np.flatnonzero(machine.rotary)
     goal = _goal(np.zeros(3), tool_axis, np.zeros(3))
-    if _closed_form(machine):
+    if closed_form(machine):
         branches, attainable, free = _branches(machine, goal.axis)
         branches[:, free, :1] = first[rotary[:1]]
         return (list(branches[:, 0]) if attainable[0] else []), bool(free[0])
@@ -197,7 +197,7 @@ def _rotary_directions(machine: Machine) -> list[Array]:
     return [axis.unit_direction for axis in machine.axes if axis.rotary]
 
 
-def _closed_form(machine: Machine) -> bool:
+def closed_form(machine: Machine) -> bool:
     """At most two rotary axes, and if two, neither parallel to each other nor the second to the tool."""
     lines = _rotary_directions(machine)
     if len(lines) != 2:

@@ -131,7 +131,17 @@ def _heidenhain() -> Dialect:
         calls=re.compile(r"(?:CALL|SEL)[ \t]+PGM|DEF[ \t]+12", re.IGNORECASE),
         flat_arcs=True,
         leads=lambda block: block.kind == "centre",
-        plain=PlainStyle("FR", head="L", rapid="FMAX", unchanged="R", continued="~", marks=".,"),
+        plain=PlainStyle(
+            "FR",
+            head="L",
+            rapid="FMAX",
+            unchanged="R",
+            continued="~",
+            marks=".,",
+            tool=("TX", "TY", "TZ"),
+            normal=("NX", "NY", "NZ"),
+            vector_head="LN",
+        ),
     )
 
 
@@ -156,7 +166,7 @@ def _siemens() -> Dialect:
         calls=re.compile(r"(?<![A-Z_])L\s*\d|CALL", re.IGNORECASE),
         calls_by_name=True,
         begins=lambda block: block.kind == "header",
-        plain=PlainStyle("FNS", motions="0123", arcs="IJK"),
+        plain=PlainStyle("FNS", motions="0123", arcs="IJK", tool=("A3=", "B3=", "C3=")),
     )
 
 

@@ -44,7 +44,7 @@ class _Reader:
     def __call__(self, piece: bytes) -> PlainLines:
         lines = whole_lines(piece, self._axes, self._style)
         if len(lines):
-            _ = lines.columns, lines.usual_numbers
+            _ = lines.columns, lines.vectors, lines.usual_numbers
         return lines
 
 

@@ -375,7 +375,7 @@ def test_rows_together_are_the_rows_one_after_the_other(name, path):
     axes = {
         "smooth": np.stack([np.sin(0.3) * np.cos(t), np.sin(0.3) * np.sin(t), np.full(n, np.cos(0.3))], axis=1),
         "random": rng.normal(size=(n, 3)) * [1.0, 1.0, 0.3] + [0.0, 0.0, 1.0],
-        "repeated": np.repeat(np.round(rng.normal(size=(n // 10, 3)), 1) + [0.0, 0.0, 2.0], 10, axis=0),
+        "repeated": np.repeat(np.round(rng.normal([0.0, 0.0, 2.0], 1.0, (n // 10, 3)), 1), 10, axis=0),
         "across the pole": np.stack([np.zeros(n), np.sin(tilt), np.cos(tilt)], axis=1),
     }[path]
     axes[: n // 4] = [0.0, 0.0, 1.0]

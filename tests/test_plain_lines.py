@@ -20,6 +20,7 @@ from support.plain_programs import (
     outcome,
     plain_lines,
     siemens_mixtures,
+    vector_programs,
 )
 from support.programs import load, model_of, random_model, source_of
 from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs
@@ -38,6 +39,7 @@ ISO = find_dialect("iso", "", "")
 SIEMENS = find_dialect("siemens", "", "")
 KLARTEXT = find_dialect("heidenhain", "", "")
 ALL_AXES = "XYZABCUVW"
+VECTORS = ("A3", "B3", "C3", "NX", "NY", "NZ", "TX", "TY", "TZ")
 PIECES = (1, 7, 4096, 1 << 20)
 
 
@@ -57,13 +59,22 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
         text = data[low:high].decode(ENCODING)
         block = dialect.read_block(1, text)
         assert lines.regular[row]
-        assert block.kind in ("words", "line")
+        assert block.kind in ("words", "line", "normal_line")
         assert block.code is None
         assert not dialect.flow.search(text)
         addresses = [word.address for word in block.words]
         assert len(set(addresses)) == len(addresses)
-        assert set(addresses) <= {*axes, *dialect.plain.other, *dialect.plain.arcs, "G", "FMAX", "R0"}
+        assert set(addresses) <= {*axes, *dialect.plain.other, *dialect.plain.arcs, *VECTORS, "G", "FMAX", "R0"}
         found = {word.address: word for word in block.words}
+        of_tool, of_normal = (
+            [found[a.rstrip("=")].value if a.rstrip("=") in found else None for a in of]
+            for of in (dialect.plain.tool, dialect.plain.normal)
+        )
+        if any(value is not None for value in of_tool):
+            assert lines.vectors.tool[row].tolist() == [value or 0.0 for value in of_tool]
+        else:
+            assert lines.vectors is None or np.isnan(lines.vectors.tool[row]).all()
+        assert (lines.vectors is not None and lines.vectors.normal[row]) == any(v is not None for v in of_normal)
         assert {*dialect.plain.arcs} & {*addresses} <= {*lines.addresses}
         for column, axis in enumerate(lines.addresses):
             cell = column, row
@@ -275,6 +286,57 @@ def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
     assert min(counted.values()) > 0.95, counted
 
 
+@drawn(6, 80, 800, program=vector_programs(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+def test_vectors_in_bulk_give_the_same_program(program, seed, piece):
+    text, dialect = program
+    check_lines(text.encode(), SIEMENS if dialect == "siemens" else KLARTEXT)
+    model, options = model_of_errors(seed), {"dialect": dialect, "tolerance_um": 1e4}
+    single = outcome(text, DMU50, model, plain=False, **options)
+    assert outcome(text, DMU50, model, piece=piece, **options) == single
+
+
+@pytest.mark.parametrize("dialect", ["siemens", "heidenhain"])
+def test_lines_with_vectors_are_read_and_written_together(dialect, monkeypatch):
+    head, line, end = VECTOR_FORMS[dialect]
+    rows = [(0.1 * i, 0.01 * i, 0.2 - 0.001 * i) for i in range(60)]
+    lines = "".join(line.format(x=x, b=b, a=a) + "\n" for x, b, a in rows)
+    written, one_row = [], Writer._write_row
+    monkeypatch.setattr(Writer, "_write_row", lambda self, *row: (written.append(row), one_row(self, *row))[1])
+    options = {"dialect": dialect, "tolerance_um": 1e4}
+    together = outcome(head + lines + end, DMU50, model_of_errors(2, 200.0), **options)
+    assert not isinstance(together, str)
+    assert len(written) < 6
+    assert together == outcome(head + lines + end, DMU50, model_of_errors(2, 200.0), plain=False, **options)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["G1 X1 A3=0 B3=0 C3=1", "X1 A3=-.5 B3=+1. C3= 1", "X1 a3=1", "X1A3=1", "X1 A3=1B3=2", "X1 A3=1 A3=2"],
+        ["X1 A3 =1", "X1 A3=1.2.3", "X1 A3==1", "X1 A3=1EX2", "X1 A3=R1", "A3=1", "X1 A4=1", "X\x021", "X1 A3=1 ; a"],
+        [
+            "LN X1 NX0 NY0 NZ1",
+            "5 LN X+1 NX+0 NY+0 NZ+1 TX-,5 TY+0 TZ+1 F100 R0",
+            "LNX1 NX0 NY0 NZ1",
+            "LN X1",
+            "L X1 NX1",
+        ],
+        [
+            "ln x1 tx0 ty0 tz1 fmax",
+            "LN X1 NX0 NY0",
+            "LN X1 NX0 NX0 NY0 NZ0",
+            "LN X1 TX0 TY0 TZ1 M3",
+            "L N X1",
+            "LN IX1",
+        ],
+    ],
+)
+def test_lines_with_vectors_are_read_as_their_blocks(lines):
+    data = ("\n".join(lines) + "\n").encode(ENCODING)
+    plain = check_lines(data, KLARTEXT if "LN" in lines[0] or "ln" in lines[0] else SIEMENS)
+    assert bool(plain) == (lines[0] != "X1 A3 =1")
+
+
 @drawn(4, 80, 800, text=mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_plain_lines_in_bulk_give_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
@@ -314,6 +376,11 @@ TABLE = dataclasses.replace(
     axes=tuple(dataclasses.replace(axis, rollover="as-written" if axis.rotary else "") for axis in DMU50.axes),
     control=dataclasses.replace(DMU50.control, family="fanuc"),
 )
+VECTOR_FORMS = {
+    "siemens": ("G17 G90 G71 G54 G94\nT1 D1\nM6\nG0 X0 Y0 Z200 B0 C0\nTRAORI\nG1 F500\n", "X{x:.4f} Y1.0000 Z200.0000 A3={a:.6f} B3={b:.6f} C3=0.9", "M30\n"),
+    "heidenhain": ("BEGIN PGM A MM\nTOOL CALL 1 Z S100\nL X+0 Y+0 Z+200 B+0 C+0 R0 FMAX\nM128\n", "LN X{x:+.4f} Y+1.0000 Z+200.0000 NX{a:+.6f} NY{b:+.6f} NZ+0.9 TX{a:+.6f} TY{b:+.6f} TZ+0.9 F500", "M30\nEND PGM A MM\n"),
+}  # fmt: skip
+"""Head, a line, and end of programs with vectors."""
 CONVERTED = {
     "iso": ("G21 G90 G17 G54 G94\nT1 M6\nG0 X1. Y1. Z200. B0. C0.\n{tcp} H1 X1. Y1. Z200. B0. C0.\nG1 X2. F200\n", ("G43", "G43.4"), "G49\nM30\n"),
     "siemens": ("G17 G90 G71 G94 G54\nG0 X1 Y1 Z200 B0 C0\n{tcp}G0 X1 Y1 Z200 B0 C0\nG1 X2 F200\n", ("", "TRAORI\n"), "M30\n"),

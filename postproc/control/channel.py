@@ -9,8 +9,9 @@ from typing import ClassVar, TypeAlias
 
 import numpy as np
 
-from kinematics.inverse import inverse
+from kinematics.inverse import closed_form, inverse
 from kinematics.machine import Machine
+from kinematics.transforms import Array
 from postproc.control.codes import ABSOLUTE, DISTANCES, HARMLESS_M, INCH, INVERSE_TIME, MOTION, PLANES
 from postproc.control.modal_state import ModalState
 from postproc.control.setup import Setup, construct
@@ -19,6 +20,7 @@ from postproc.control.words import value_of
 from postproc.motion.circles import RADIUS_TOLERANCE_MM
 from postproc.motion.frames import Frame, cartesian, drills_along, in_workpiece, to_machine
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
+from postproc.motion.plain_moves import PlainMoves
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
 from postproc.text.flow import Variables
@@ -265,21 +267,36 @@ class Channel:
         """Programmed positions, degrees by column, of the rotary axes with the tool along a vector at a target.
 
         vector: from the tip towards the spindle, in the workpiece frame. The solution nearest to the present
-        positions. Refusal where there is none.
+        positions; an axis that is free keeps its position. Refusal where there is none.
         """
-        machine, frame = self.machine, self.recorder.frame
         if not np.linalg.norm(vector):
             raise block.refuse("the tool axis has the length 0: write a vector with a direction")
-        tip = in_workpiece(machine, frame, np.array([target]))
-        start = to_machine(machine, frame, np.array([self.recorder.position]))[0]
-        found = inverse(machine, tip, [vector], frame.tool, start=start)
-        if not np.isfinite(found.q).all():
+        found = self.along_tool_axes(np.array([target]), np.array([vector]))
+        if not len(found):
             raise block.refuse(
                 "no position of the rotary axes gives this tool axis: check the vector and the travel in the machine "
                 "file"
             )
-        positions = found.q[0] / machine.scale - np.asarray(frame.offset)
-        return {axis: float(positions[axis]) for axis in self.rotary_axes}
+        return {axis: float(found[0, axis]) for axis in self.rotary_axes}
+
+    def along_tool_axes(self, targets: Array, vectors: Array) -> Array:
+        """Programmed positions `(k, axes)`, degrees, of the rotary axes at targets, one after the other.
+
+        targets `(n, axes)`, vectors `(n, 3)`: as of `along_tool_axis`; k: number before the first one without a
+        solution. The positions of the other axes mean nothing.
+        """
+        machine, frame = self.machine, self.recorder.frame
+        tips = in_workpiece(machine, frame, targets)
+        start = to_machine(machine, frame, np.array([self.recorder.position]))[0]
+        found = inverse(machine, tips, vectors, frame.tool, start=start)
+        solved = np.asarray(np.isfinite(found.q).all(axis=1))
+        number = len(solved) if solved.all() else int(solved.argmin())
+        positions = np.asarray(found.q[:number] / machine.scale - np.asarray(frame.offset))
+        if found.singular[:number].any():
+            first = self.rotary_axes[0]
+            last = np.maximum.accumulate(np.where(found.singular[:number], -1, np.arange(number)))
+            positions[:, first] = np.append(positions[:, first], self.recorder.position[first])[last]
+        return positions
 
     def turn_along(self, block: Block, target: list[float], vector: Sequence[float]) -> None:
         """Turn the rotary axes of a target to a tool axis, as `along_tool_axis`; no word names their positions."""
@@ -288,3 +305,21 @@ class Channel:
         for axis, angle in self.along_tool_axis(block, target, vector).items():
             target[axis] = angle
             self.recorder.known[axis] = Known.MACHINE
+
+    @property
+    def turns_in_columns(self) -> bool:
+        """True where tool vectors of many lines give the same positions together as one by one."""
+        frame, linear = self.recorder.frame, np.flatnonzero(~self.machine.rotary)
+        closed = closed_form(self.machine) and {*linear.tolist()} == {*self.machine.translators}
+        return closed and bool(self.rotary_axes) and frame.tcp and frame.turn is None
+
+    def turned_along(self, moves: PlainMoves, vectors: Array) -> PlainMoves:
+        """The first of the moves of plain lines, each with its tool vector, up to one without a solution."""
+        angles = self.along_tool_axes(moves.target, vectors)
+        first = moves.first(len(angles))
+        start, target, known_start, known = (column.copy() for column in first)
+        for axis in self.rotary_axes:
+            target[:, axis] = angles[:, axis]
+            start[:, axis] = np.append(self.recorder.position[axis], target[:-1, axis])[: len(angles)]
+            known_start[:, axis] = known[:, axis] = Known.MACHINE
+        return PlainMoves(start, target, known_start, known)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from postproc.text.block import Block, Refusal
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.flow import Variables
 from postproc.text.notes import Notes
+from postproc.text.plain_columns import PlainVectors
 
 
 class Interpreter(ABC):
@@ -28,6 +30,10 @@ class Interpreter(ABC):
 
     channel: Channel
     modal: ModalState
+    nearest: ClassVar[str] = ""
+    """The note on tool vectors."""
+    along_normals: ClassVar[str] = ""
+    """The note on surface normals."""
 
     def __init__(self, channel: Channel) -> None:
         self.channel, self.modal, self.machine = channel, channel.modal, channel.machine
@@ -92,16 +98,19 @@ class Interpreter(ABC):
         run = replace(run, incremental=not self.modal.absolute)
         while line < len(run):
             plain = self.modal.plain and not self.recorder.rotary.sequential
-            taken = self._take_lines(index + line, run.part(line, len(run))) if plain else 0
-            yield run.part(line, line + taken) if taken else self._read_single(index + line, run.block(line))
-            line += max(taken, 1)
+            taken = self._take_lines(index + line, run.part(line, len(run))) if plain else None
+            yield self._read_single(index + line, run.block(line)) if taken is None else taken
+            line += 1 if taken is None else len(taken)
 
-    def _take_lines(self, index: int, run: PlainRun) -> int:
-        """Take over the first lines of a run in the present state, which is plain; returns their number.
+    def _take_lines(self, index: int, run: PlainRun) -> PlainRun | None:
+        """Take over the first lines of a run in the present state, which is plain; returns them, None for none.
 
-        It ends before a line that has no motion, or words that contradict it, and among increments before an arc and
-        before an axis whose position the program has not given.
+        They end before a line that has no motion, or words that contradict it, among increments before an arc and
+        before an axis whose position the program has not given, and before a line with a vector, or without one again.
         """
+        vectors = run.vectors
+        if vectors is not None:
+            run, vectors = _alike(run, vectors)
         before = self.modal.motion
         motion = np.append(-1 if before is None else int(before), run.columns.motion)
         motion = motion[np.maximum.accumulate(np.where(motion >= 0, np.arange(len(motion)), 0))][1:]
@@ -111,6 +120,8 @@ class Interpreter(ABC):
         singly = contradicted | (motion < 0)
         if run.incremental:
             singly |= curved | ~self.recorder.adds_up(run)
+        if vectors is not None:
+            singly |= curved | run.incremental | self._read_singly(run, vectors)
         taken = _before(singly)
         if curved[:taken].any():
             modes = self.modal.arc_modes
@@ -120,9 +131,23 @@ class Interpreter(ABC):
                 curved[taken:] = False
                 arcs, whole = plain_arcs(run, moves, motion, curved, modes)
                 taken = min(taken, whole)
-        if taken:
-            self._take_run(index, run.part(0, taken), moves.first(taken), motion[:taken], arcs)
-        return taken
+        if taken and vectors is not None and np.isfinite(vectors.tool[0, 0]):
+            moves = self.channel.turned_along(moves.first(taken), vectors.tool[:taken])
+            taken = len(moves.target)
+        if not taken:
+            return None
+        part = run.part(0, taken)
+        if vectors is not None:
+            turning = np.isfinite(vectors.tool[0, 0])
+            for note in [self.nearest] * bool(turning) + [self.along_normals] * bool(vectors.normal[0]):
+                self.notes.add(note, part.number, taken)
+        self._take_run(index, part, moves.first(taken), motion[:taken], arcs)
+        return part
+
+    def _read_singly(self, run: PlainRun, vectors: PlainVectors) -> NDArrayBool:
+        """True `(lines,)` for lines with vectors that are read one by one in the present state."""
+        rotary = np.any(run.columns.end[self.channel.rotary_axes] > 0, axis=0)
+        return np.asarray(np.isfinite(vectors.tool[:, 0]) & (rotary | (not self.channel.turns_in_columns)))
 
     def _take_run(
         self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
@@ -146,6 +171,16 @@ class Interpreter(ABC):
     def note_after_end(self, block: Block) -> None:
         """Note a block behind the end of the program."""
         self.notes.add("blocks after the end of the program do not run and stay as programmed", block.line)
+
+
+def _alike(run: PlainRun, vectors: PlainVectors) -> tuple[PlainRun, PlainVectors | None]:
+    """The first lines of a run that have the vectors of the first one, and these vectors; None for none."""
+    pointing = np.isfinite(vectors.tool[:, 0])
+    number = _before((pointing != pointing[0]) | (vectors.normal != vectors.normal[0]))
+    if not (pointing[0] or vectors.normal[0]):
+        return run.part(0, number), None
+    part = replace(run.part(0, number), no_insertion=True)
+    return part, PlainVectors(vectors.tool[:number], vectors.normal[:number])
 
 
 def _before(found: NDArrayBool) -> int:

@@ -150,7 +150,7 @@ def _listed(entries: Callable[[Motions], Mapping[int, object]]) -> Condition:
 
 def _closed(asked: Asked, rows: np.ndarray) -> NDArrayBool:
     motions = asked.motions
-    return np.asarray(motions.blocks.marked(lambda block: block.no_insertion)[motions.block[rows]])
+    return np.asarray(motions.blocks.no_insertion[motions.block[rows]])
 
 
 def _varied(asked: Asked, rows: np.ndarray) -> NDArrayBool:

@@ -20,9 +20,12 @@ from postproc.text.expressions import Ambiguous
 from postproc.text.statements import Code
 
 _VALUE = r"([+-]?)[ \t]*(\d+(?:[.,]\d*)?|[.,]\d+)"
-_PARTS = re.compile(rf"(I?[XYZABCUVW]|[FSM])[ \t]*({_VALUE})|F[ \t]*MAX|R[0LR]?|F(?![UZ])|M(?!B)", re.IGNORECASE)
-_PLAIN = re.compile(
-    rf"[ \t]*(?:\d+[ \t]*)?(L(?:[ \t]*(?>{_PARTS.pattern}))*+)?[ \t]*(?:;[^\n]*)?[\r\n]*", re.IGNORECASE
+_WORD = rf"[ \t]*({_VALUE})|F[ \t]*MAX|R[0LR]?|F(?![UZ])|M(?!B)"
+_PARTS = re.compile(rf"(I?[XYZABCUVW]|[FSM]){_WORD}", re.IGNORECASE)
+_PARTS_WITH_VECTORS = re.compile(rf"([NT][XYZ]|I?[XYZABCUVW]|[FSM]){_WORD}", re.IGNORECASE)
+_PLAIN, _PLAIN_WITH_VECTORS = (
+    re.compile(rf"[ \t]*(?:\d+[ \t]*)?({head}(?:[ \t]*(?>{parts.pattern}))*+)?[ \t]*(?:;[^\n]*)?[\r\n]*", re.IGNORECASE)
+    for head, parts in (("L", _PARTS), ("LN", _PARTS_WITH_VECTORS))
 )
 _NUMBER = re.compile(_VALUE)
 _VALUED = re.compile(rf"(DR2(?=[ \t]*[+-])|P[123][XYZ]|[A-Z]+?)[ \t]*({_VALUE}|[+-]?[ \t]*Q[LR]?\d+)", re.IGNORECASE)
@@ -61,9 +64,12 @@ def _read(line: int, text: str) -> Block:
 
 
 def _read_plain(line: int, text: str) -> Block | None:
-    match = _PLAIN.fullmatch(text)
+    kind, head, parts, match = "line", "", _PARTS, _PLAIN.fullmatch(text)
     if match is None:
-        return None
+        kind, parts, match = "normal_line", _PARTS_WITH_VECTORS, _PLAIN_WITH_VECTORS.fullmatch(text)
+        if match is None:
+            return None
+        head = text[match.start(1) : match.start(1) + 2]
     start, end = match.span(1)
     if start < 0:
         return Block(line, text, "blank")
@@ -72,10 +78,10 @@ def _read_plain(line: int, text: str) -> Block | None:
             Word(m[1].upper(), float((m[3] + m[4]).replace(",", ".")), m.start(), m.start(2), m.end())
             if m[1]
             else _flag(m[0], m.start())
-            for m in _PARTS.finditer(text, start + 1, end)
+            for m in parts.finditer(text, start + max(len(head), 1), end)
         ]
     )
-    return Block(line, text, "line", words)
+    return Block(line, text, kind, words, head)
 
 
 def _continued_comment(line: int, text: str) -> Block | None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from kinematics.machine import TURN, Machine
+from kinematics.machine import TURN, Machine, NDArrayBool
 from postproc.control.codes import INCH
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
@@ -42,6 +42,7 @@ from postproc.motion.rotary_words import Way
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 from postproc.text.notes import Notes
+from postproc.text.plain_columns import PlainVectors
 
 _TCPM = re.compile(
     r"FUNCTION TCPM( F (TCP|CONT))?( AXIS POS)?( PATHCTRL (AXIS|VECTOR))?( REFPNT TIP-TIP)?( F ?[\d.,]+)?",
@@ -69,6 +70,8 @@ class HeidenhainInterpreter(Interpreter):
 
     channel: Channel
     modal: ModalState
+    nearest = "TX TY TZ: the control is taken to turn the rotary axes to the nearest solution"
+    along_normals = "surface normals: the offset of the tool along them is not corrected"
 
     def __init__(self, machine: Machine, setup: Setup, notes: Notes) -> None:
         super().__init__(Channel(notes, ModalState(ControlState(setup)), QParameters(operations_of(machine.control))))
@@ -100,6 +103,9 @@ class HeidenhainInterpreter(Interpreter):
     ) -> None:
         super()._take_run(index, run, moves, motion, arcs)
         self.modal.motion = None
+
+    def _read_singly(self, run: PlainRun, vectors: PlainVectors) -> NDArrayBool:
+        return super()._read_singly(run, vectors) | (np.isfinite(vectors.tool[:, 0]) & (not self.modal.tcp))
 
     def _read_block(self, index: int, block: Block) -> Block:
         modal = self.modal
@@ -253,9 +259,9 @@ class HeidenhainInterpreter(Interpreter):
             if any(channel.rotary[word.axis] for word, _ in words):
                 raise block.refuse("TX TY TZ and a rotary axis in one block: write one of them")
             channel.turn_along(block, target, tool_axis)
-            self.notes.add("TX TY TZ: the control is taken to turn the rotary axes to the nearest solution", block.line)
+            self.notes.add(self.nearest, block.line)
         if normal is not None:
-            self.notes.add("surface normals: the offset of the tool along them is not corrected", block.line)
+            self.notes.add(self.along_normals, block.line)
         channel.move(index, straight(content), target, words)
 
     # ---- functions

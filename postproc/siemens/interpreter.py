@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from postproc.control.codes import DWELL, MOTION
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
@@ -50,6 +50,7 @@ from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 from postproc.text.expressions import Constant
 from postproc.text.notes import Notes
+from postproc.text.plain_columns import PlainVectors
 
 BY_CONTROL = -1.0
 """Instead of a G code: a circle that the control calculates (CIP, CT) is active."""
@@ -62,6 +63,7 @@ class SiemensInterpreter(Interpreter):
 
     channel: Channel
     modal: ModalState
+    nearest = "tool vectors: the control is taken to turn the rotary axes to the nearest solution"
 
     def __init__(self, machine: Machine, setup: Setup, notes: Notes) -> None:
         control, scope = machine.control, SiemensVariables()
@@ -101,6 +103,9 @@ class SiemensInterpreter(Interpreter):
     ) -> None:
         super()._take_run(index, run, moves, motion, arcs)
         self.modal.begun, self._positions.beside_contour = True, False
+
+    def _read_singly(self, run: PlainRun, vectors: PlainVectors) -> NDArrayBool:
+        return super()._read_singly(run, vectors) | self.modal.machine_vectors
 
     def _read_block(self, index: int, block: Block) -> Block:
         channel, modal = self.channel, self.modal
@@ -330,7 +335,7 @@ class SiemensInterpreter(Interpreter):
         words = {address: content.other.pop(address) for address in VECTOR if address in content.other}
         vector = np.array([plain_of(block, block.words[words[a]]) if a in words else 0.0 for a in VECTOR])
         self.channel.turn_along(block, target, self.recorder.frame.turned(vector).tolist())
-        self.notes.add("tool vectors: the control is taken to turn the rotary axes to the nearest solution", block.line)
+        self.notes.add(self.nearest, block.line)
 
     def _check_increments(self, block: Block, programmed: Programmed) -> None:
         for word, _ in programmed.words:

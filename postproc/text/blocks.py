@@ -14,7 +14,8 @@ import numpy as np
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
 from postproc.text.block import Block
-from postproc.text.plain_lines import PlainColumns, PlainLines
+from postproc.text.plain_columns import PlainColumns, PlainVectors
+from postproc.text.plain_lines import PlainLines
 from postproc.text.source import ENCODING
 
 
@@ -31,6 +32,8 @@ class PlainRun:
     read_block: Callable[[int, str], Block]
     incremental: bool = False
     """Its words are increments, once the modal state that it is read in is known."""
+    no_insertion: bool = False
+    """No block may be added before or behind its lines, as of `Block`."""
 
     def __len__(self) -> int:
         return self.last - self.first
@@ -43,18 +46,25 @@ class PlainRun:
         """The block of a line, which is kept for the next use."""
         known, at = self.lines.blocks, self.first + index
         found: Block | None = known.get(at)
-        if found is None:
+        if found is None or found.no_insertion != self.no_insertion:
             found = known[at] = self.block(index)
         return found
 
     def block(self, index: int) -> Block:
         """The block of a line, as the reader of the dialect gives it."""
-        return self.read_block(self.number + index, self.data(index, index + 1).decode(ENCODING))
+        block = self.read_block(self.number + index, self.data(index, index + 1).decode(ENCODING))
+        return block._replace(no_insertion=True) if self.no_insertion else block
 
     def data(self, first: int, last: int) -> bytes:
         """The text of the lines from `first` to before `last`."""
         low, high = self.lines.starts[[self.first + first, self.first + last]].tolist()
         return self.lines.data[low:high]
+
+    @property
+    def vectors(self) -> PlainVectors | None:
+        """The vectors of the lines; None if no line of their piece has one."""
+        found, rows = self.lines.vectors, slice(self.first, self.last)
+        return None if found is None else PlainVectors(found.tool[rows], found.normal[rows])
 
     @cached_property
     def columns(self) -> PlainColumns:
@@ -144,6 +154,15 @@ class Blocks(Sequence[Block]):
             for part in self.parts
         ]
         return np.concatenate(numbers) if numbers else np.zeros(0, int)
+
+    @cached_property
+    def no_insertion(self) -> NDArrayBool:
+        """True `(blocks,)` for the blocks next to which no block may be added."""
+        marked = self.marked(lambda block: block.no_insertion)
+        for part, first in zip(self.parts, self.firsts, strict=False):
+            if isinstance(part, PlainRun) and part.no_insertion:
+                marked[first : first + len(part)] = True
+        return marked
 
     @cached_property
     def in_lists(self) -> NDArrayBool:

@@ -8,21 +8,27 @@ whose meaning needs more than their number, are left to the reader of single lin
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from kinematics.machine import NDArrayBool
-from kinematics.transforms import Array
 from postproc.text.block import Block, Word
-from postproc.text.plain_numbers import MOST_DECIMALS, WIDEST, values_of
+from postproc.text.plain_columns import (
+    MOST_DECIMALS,
+    WIDEST,
+    NumberMarks,
+    PlainColumns,
+    PlainVectors,
+    ReadWords,
+    values_of,
+)
 from postproc.text.plain_style import (
     BLANK,
     DIGIT,
     FLAG,
-    FLAG_CHARACTER,
     HEAD,
     LETTER,
     LINE,
@@ -30,10 +36,12 @@ from postproc.text.plain_style import (
     POINT,
     RETURN,
     SIGN,
+    VECTOR_CHARACTERS,
+    VECTOR_HEAD,
     PlainStyle,
 )
 
-LONGEST = 120
+LONGEST = 180
 """Characters of a plain line, at most: no control refuses it, also with corrections of all its words."""
 LARGEST = 1e6
 """Number of an axis, at least, that is left to the reader of single lines."""
@@ -73,8 +81,8 @@ class PlainLines:
 
     def __getstate__(self) -> dict[str, Any]:
         """The state without quickly calculated attributes, and without the words, once they are columns."""
-        left_out = {"blocks", "_bytes", "_classes", "_letters_at", "_letters", "_points"} | (
-            {"_words"} if "columns" in vars(self) else set()
+        left_out = {"blocks", "_bytes", "_flagged", "_classes", "_letters_at", "_letters", "_points"} | (
+            {"_words", "_read"} if {"columns", "vectors"} <= vars(self).keys() else set()
         )
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
@@ -88,12 +96,17 @@ class PlainLines:
         return np.frombuffer(self.data, np.uint8)
 
     @cached_property
+    def _flagged(self) -> bytes:
+        """The text with its flags."""
+        return self._style.with_flags(self.data)
+
+    @cached_property
     def _classes(self) -> np.ndarray:
         """Class of each byte."""
         style, data = self._style, self.data
-        if style.rapid and FLAG_CHARACTER in data:
+        if any(character in data for character in style.stand_ins):
             return np.full(len(data), OTHER, np.uint8)
-        return np.frombuffer(style.with_flags(data).translate(style.classes(self.axes)), np.uint8)
+        return np.frombuffer(self._flagged.translate(style.classes(self.axes)), np.uint8)
 
     @cached_property
     def addresses(self) -> str:
@@ -175,7 +188,7 @@ class PlainLines:
     @cached_property
     def _letters(self) -> np.ndarray:
         """The addresses, upper case."""
-        return np.asarray(self._bytes[self._letters_at] & 0xDF)
+        return np.asarray(np.frombuffer(self._flagged, np.uint8)[self._letters_at] & 0xDF)
 
     @cached_property
     def _points(self) -> np.ndarray:
@@ -183,7 +196,7 @@ class PlainLines:
         return np.flatnonzero(self._classes == POINT)
 
     @cached_property
-    def _words(self) -> _Words:
+    def _words(self) -> ReadWords:
         """The words of the regular lines."""
         classes, at, letter = self._classes, self._letters_at, self._letters
         counts = np.diff(np.searchsorted(at, self.starts))
@@ -214,30 +227,63 @@ class PlainLines:
         decimals[word] = end[word] - points - 1
         several = np.zeros(len(at), bool)
         several[word[1:][word[1:] == word[:-1]]] = True
-        return _Words(line, letter, at, start, end.astype(np.int32), decimals, several)
+        return ReadWords(line, letter, at, start, end.astype(np.int32), decimals, several)
 
     @cached_property
     def columns(self) -> PlainColumns:
         """The words of axes and arcs as columns, and which lines are plain."""
+        found, last = self._read, len(self.addresses)
+        return PlainColumns(*(of[:last] if of.ndim > 1 else of for of in vars(found).values()))
+
+    @cached_property
+    def vectors(self) -> PlainVectors | None:
+        """The vectors of the lines; None if no line has one."""
+        first, tool = len(self.addresses), len(self._style.tool)
+        named, value = self._read.end[first:] > 0, self._read.value[first:]
+        if not len(named):
+            return None
+        along = named[:tool].any(axis=0)
+        return PlainVectors(np.where(along, value[:tool], np.nan).T, np.asarray(named[tool:].any(axis=0)))
+
+    def _vectors_whole(self, named: NDArrayBool) -> NDArrayBool:
+        """Lines `(lines,)` with complete vectors behind the head of vectors; named `(addresses, lines)`."""
+        if not self._style.vector_head:
+            return np.ones(len(self), bool)
+        headed = np.zeros(len(self), bool)
+        headed[self._line_of(np.flatnonzero(np.frombuffer(self._flagged, np.uint8) == VECTOR_HEAD[0]))] = True
+        if not len(named):
+            return ~headed
+        each = named[:3].sum(axis=0), named[3:].sum(axis=0)
+        complete = np.all([(count == 0) | (count == 3) for count in each], axis=0)
+        return np.asarray(complete & (headed == named.any(axis=0)))
+
+    @cached_property
+    def _read(self) -> PlainColumns:
+        """The columns, and behind those of `addresses` the ones of vectors if a line has any."""
         words, lines = self._words, len(self)
         plain = self.regular.copy()
         plain[words.line[words.several_points]] = False
         for letter in self._style.letters.encode():
             self._refuse_repeated(words.line[words.letter == letter], plain)
+        codes = VECTOR_CHARACTERS[: len(self._style.vectors)]
+        pointing = np.isin(words.letter, np.frombuffer(codes, np.uint8))
+        addresses = self.addresses.encode() + codes * bool(pointing.any())
+        behind = self._classes[words.end[pointing]]
+        plain[words.line[pointing][(behind != BLANK) & (behind != RETURN) & (behind != LINE)]] = False
         letters = np.full(256, -1, np.int8)
-        letters[np.frombuffer(self.addresses.encode(), np.uint8)] = np.arange(len(self.addresses))
+        letters[np.frombuffer(addresses, np.uint8)] = np.arange(len(addresses))
         column = letters[words.letter]
         chosen = np.flatnonzero(column >= 0)
         column, line = column[chosen], words.line[chosen]
         at, start, end, decimals = (of[chosen] for of in (words.at, words.start, words.end, words.decimals))
         digits = start + (self._classes[start] == SIGN)
-        for i in range(len(self.addresses)):
+        for i in range(len(addresses)):
             self._refuse_repeated(line[column == i], plain)
         plain[line[(end - digits > WIDEST) | (decimals > MOST_DECIMALS)]] = False
         numbers = np.abs(values_of(self.data, digits, end, decimals))
         plain[line[numbers >= LARGEST]] = False
         numbers = np.where(self._bytes[start] == ord("-"), -numbers, numbers)
-        shape, cell = (len(self.addresses), lines), column * np.int64(lines) + line
+        shape, cell = (len(addresses), lines), column * np.int64(lines) + line
         absent = np.full(lines, -1, np.int8)
         at_zero = np.zeros(shape, np.int32)
         ends = at_zero, at_zero.copy(), at_zero.copy()
@@ -252,7 +298,9 @@ class PlainLines:
         if self._style.motions:
             codes = words.letter == ord("G")
             found.motion[words.line[codes]] = self._motions_at(words.at[codes])
-        plain &= (found.end[: len(self.axes)] > 0).any(axis=0)
+        plain &= (found.end[: len(self.axes)] > 0).any(axis=0) & self._vectors_whole(
+            found.end[len(self.addresses) :] > 0
+        )
         last = np.append(words.line[1:] != words.line[:-1], True)[: len(words.line)]
         several = np.flatnonzero(last[1:] & ~last[:-1]) + 1  # the last words of lines with more than one
         found.blank[words.line[several]] = self._classes[words.at[several] - 1] == BLANK
@@ -316,55 +364,3 @@ def whole(piece: bytes) -> bytes:
 def whole_lines(piece: bytes, axes: str, style: PlainStyle) -> PlainLines:
     """The lines of a piece up to its last line feed."""
     return PlainLines(whole(piece), axes, style)
-
-
-class NumberMarks(NamedTuple):
-    """How numbers are written; columns of words `(addresses, lines)`."""
-
-    plus: NDArrayBool
-    minus: NDArrayBool
-    bare: NDArrayBool
-    """True for no digit before the point."""
-    zero: NDArrayBool
-    """True for the digit 0 alone before the point."""
-    comma: NDArrayBool
-    """True for a comma instead of the point."""
-
-
-@dataclass(frozen=True)
-class _Words:
-    """The words of lines in their order `(words,)`."""
-
-    line: np.ndarray
-    letter: np.ndarray
-    """Address, upper case."""
-    at: np.ndarray
-    start: np.ndarray
-    end: np.ndarray
-    """Address at `at`, number from `start` to `end`."""
-    decimals: np.ndarray
-    """Decimals; -1 for a number without a point."""
-    several_points: np.ndarray
-
-
-@dataclass(frozen=True)
-class PlainColumns:
-    """The words of plain lines: columns `(lines,)`, and `(addresses, lines)` with zeros where a line has no such word.
-
-    Addresses are those of the lines: first the axes, then those of centres and radii of arcs.
-    """
-
-    plain: NDArrayBool
-    motion: np.ndarray
-    """Motion that the line names; -1 for none."""
-    at: np.ndarray
-    """Position of the address in the piece."""
-    start: np.ndarray
-    """Position of the number."""
-    end: np.ndarray
-    """Position behind the number; 0 where the line omits the word."""
-    decimals: np.ndarray
-    """Decimals; -1 for a number without a point."""
-    value: Array
-    blank: np.ndarray
-    """1 where a blank precedes the last word, 0 where none does; -1 for a single word."""

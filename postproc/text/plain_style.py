@@ -45,6 +45,10 @@ _ACROSS_WITH_HEAD = {
 """The same in lines that begin with a number and a head; these have flags too."""
 FLAG_CHARACTER = b"\x01"
 """Stands for each further character of a word without a number; no text holds it."""
+VECTOR_CHARACTERS = b"\x02\x03\x04\x05\x06\x07"
+"""Stand for the addresses of vectors; no text holds them."""
+VECTOR_HEAD = b"\x08"
+"""Stands for the second character of the head of lines with vectors; no text holds it."""
 
 
 def _refused(*tables: Mapping[int, tuple[int, ...]]) -> NDArrayBool:
@@ -75,6 +79,17 @@ class PlainStyle(msgspec.Struct, frozen=True, dict=True):
     """End of a line that the next one continues; empty for none."""
     marks: str = "."
     """Decimal marks."""
+    tool: tuple[str, ...] = ()
+    """Addresses of the components of tool vectors."""
+    normal: tuple[str, ...] = ()
+    """Those of surface normals: all or none of each vector are in a line that begins with `vector_head`."""
+    vector_head: str = ""
+    """The head of lines with vectors, which are in no other line; empty if they may be in any line."""
+
+    @cached_property
+    def vectors(self) -> tuple[str, ...]:
+        """Addresses of the components of vectors."""
+        return self.tool + self.normal
 
     @cached_property
     def letters(self) -> str:
@@ -89,7 +104,8 @@ class PlainStyle(msgspec.Struct, frozen=True, dict=True):
             (b"0123456789", DIGIT),
             (self.marks.encode(), POINT),
             (b"+-", SIGN),
-            (b" \t", BLANK),
+            (b" \t" + VECTOR_HEAD * bool(self.vector_head), BLANK),
+            (VECTOR_CHARACTERS[: len(self.vectors)], LETTER),
             (b"\n", LINE),
             (b"\r", RETURN),
         )
@@ -117,10 +133,22 @@ class PlainStyle(msgspec.Struct, frozen=True, dict=True):
         refused[LINE, LETTER] |= bool(self.head)
         return refused
 
+    @cached_property
+    def stand_ins(self) -> bytes:
+        """Characters that stand for something else in a text with flags."""
+        vectors = VECTOR_CHARACTERS[: len(self.vectors)] + VECTOR_HEAD * bool(self.vector_head)
+        return FLAG_CHARACTER * bool(self.rapid) + vectors
+
     def with_flags(self, data: bytes) -> bytes:
-        """The text with a flag for each character of a rapid word but the first."""
-        if not self.rapid:
-            return data
-        for word in (self.rapid.encode(), self.rapid.lower().encode()):
+        """The text with a flag for each character of a rapid word but the first, and a character for each address of a
+        vector that stands behind a blank; blanks for the rest of these addresses.
+        """
+        for word in (self.rapid.encode(), self.rapid.lower().encode()) if self.rapid else ():
             data = data.replace(word, word[:1] + FLAG_CHARACTER * (len(word) - 1))
+        for number, address in enumerate(self.vectors):
+            character = VECTOR_CHARACTERS[number : number + 1]
+            for word in (address.encode(), address.lower().encode()):
+                data = data.replace(b" " + word, b" " + character + b" " * (len(word) - 1))
+        for word in (self.vector_head.encode(), self.vector_head.lower().encode()) if self.vector_head else ():
+            data = data.replace(word, word[:1] + VECTOR_HEAD)
         return data

@@ -9,7 +9,7 @@ import numpy as np
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array, read_only
 from postproc.text.number_style import decimals_for
-from postproc.text.plain_numbers import POWERS
+from postproc.text.plain_columns import POWERS
 
 NEAR_HALF = 1e-6
 """Distance from a half, in units of the last decimal, within which a number is rounded by its exact digits."""

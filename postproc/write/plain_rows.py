@@ -18,8 +18,8 @@ from postproc.motion.moves import Arc, Kind
 from postproc.text.blocks import PlainRun
 from postproc.text.editing import Layout, end_of, rank_of
 from postproc.text.number_style import NumberStyle
-from postproc.text.plain_lines import LARGEST, NumberMarks
-from postproc.text.plain_numbers import POWERS
+from postproc.text.plain_columns import POWERS, NumberMarks
+from postproc.text.plain_lines import LARGEST
 from postproc.text.source import ENCODING
 from postproc.write.decimals import Present, increments, rounded
 from postproc.write.plain_arcs import RADIUS, PlainArcs, WritableArcs
@@ -65,6 +65,10 @@ class PlainRows(msgspec.Struct, dict=True):
     """Lines `(lines,)` whose linear axes keep their positions; they name none."""
     arcs: WritableArcs
     """Arcs by line."""
+    starts: Array
+    """Programmed starts."""
+    turned: tuple[int, ...] = ()
+    """Rotary axes that vectors turn, without words."""
     feeds: Callable[[Array, Array], tuple[Array, np.ndarray]] | None = None
     """F of the lines `(lines,)` and its decimals, for their written starts and ends; nan where F stays."""
 
@@ -77,6 +81,9 @@ class PlainRows(msgspec.Struct, dict=True):
         ends = np.empty_like(self.target)
         for column in range(len(held)):
             ends[:, column] = _held(named[column], self.target[:, column], held[column])
+        for column in self.turned:  # by vectors: as far as programmed
+            steps = self.target[:, column] - self.starts[:, column]
+            ends[:, column] = np.cumsum(np.append(held[column], steps))[1:]
         layouts = _Layouts(self.run, layout)
         found: list[PlainWords] = []
         of_axis = self._increments if self.run.incremental else self._axis

@@ -11,8 +11,8 @@ import numpy as np
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
 from postproc.text.blocks import Blocks, PlainRun
+from postproc.text.plain_columns import POWERS
 from postproc.text.plain_lines import PlainLines
-from postproc.text.plain_numbers import POWERS
 
 FEED = ord("F")
 """Letter of an added feed, which takes neither case nor blanks of the word before it."""

@@ -192,6 +192,8 @@ class Writer:
             motions.correctable[rows],
             motions.rotary_only[rows],
             of_lines,
+            motions.start[rows],
+            tuple(rotary) if run.no_insertion else (),
             partial(feeds_of_moves, motions, row) if motions.paced else None,
         )
         written = moves.write(axes, held, self._editors.layout)

@@ -287,3 +287,40 @@ def klartext_mixtures(draw):
         lines += draw(st.lists(st.sampled_from(KLARTEXT_SLOW), max_size=2)) + draw(klartext_lines())
     end = draw(st.sampled_from(["\n", "\n", "\r\n"]))
     return end.join(lines) + draw(st.sampled_from([end, end, ""]))
+
+
+BETWEEN_VECTORS = {
+    "siemens": ("; comment", "M8", "G91", "G90", "ORIMKS", "ORIWKS", "TRAFOOF", "TRAORI", "X5 A3=0 B3=0 C3=0", "X1 C=5 A3=1", "TRANS X1", "G1 A3=1 C3=1", "X1 A3=1 C3=-1"),
+    "heidenhain": ("; comment", "M8", "M129", "M128", "L X+1 B+5 F100", "LN X+1 TX+0 TY+0 TZ+0", "LN X+1 C+5 TX+0 TY+0 TZ+1", "LN X+1 NX+0 NY+0", "LN IX+1 NX+0 NY+0 NZ+1", "LN X+1 TX+0 TY+1 TZ-1"),
+}  # fmt: skip
+"""Blocks between lines with vectors: some are refused."""
+
+
+@st.composite
+def vector_programs(draw):
+    """A program with runs of lines with vectors, others between them, and its dialect."""
+    dialect = draw(st.sampled_from([*BETWEEN_VECTORS]))
+    siemens = dialect == "siemens"
+    head = (
+        ["G17 G90 G71 G54 G94", "G0 X0 Y0 Z200 B0 C0", "TRAORI", "G1 F500"]
+        if siemens
+        else ["BEGIN PGM A MM", "L X+0 Y+0 Z+200 B+0 C+0 FMAX", draw(st.sampled_from(["M128", "M128", "M126"]))]
+    )
+    lines, form = head, draw(st.sampled_from(["{:.4f}", "{:+.6f}", "{:.3f}"]))
+    for _ in range(draw(st.integers(1, 4))):
+        a, b = draw(st.floats(-0.4, 0.4)), draw(st.floats(-0.4, 0.4))
+        steps = draw(st.sampled_from([(0.0, 0.0), (0.02, 0.01), (-a / 4, -b / 4)]))
+        vectors = draw(st.sampled_from(["T", "T", "NT", "N", ""]))
+        for k in range(draw(st.integers(1, 10))):
+            parts = [a + k * steps[0], b + k * steps[1], 0.9]
+            words = [f"{axis}{draw(numbers(near))}" for axis, near in zip("XYZ", (0.0, 10.0, 200.0), strict=True)]
+            words = draw(st.lists(st.sampled_from(words), min_size=1, unique=True))
+            if siemens and vectors:
+                words += [f"{axis}3={form.format(part)}" for axis, part in zip("ABC", parts, strict=True)]
+            for kind in "" if siemens else vectors:
+                words += [f"{kind}{axis}{form.format(part)}" for axis, part in zip("XYZ", parts, strict=True)]
+            words += draw(st.sampled_from([[], ["F500"], [] if siemens else ["R0"]]))
+            begin = "" if siemens else "LN" if vectors else "L"
+            lines.append(" ".join([begin, *words]).strip())
+        lines += draw(st.lists(st.sampled_from(BETWEEN_VECTORS[dialect]), max_size=1))
+    return "\n".join([*lines, "M30"] + ([] if siemens else ["END PGM A MM"])) + "\n", dialect

@@ -27,8 +27,9 @@ from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Code, Label, Return, Step, When
 
 _WORD = r"[A-Za-z][ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)"
-_PLAIN = re.compile(rf"([ \t]*(?:[Nn]\d+)?(?:[ \t]*{_WORD})*)[ \t]*(?:;[^\r\n]*)?[\r\n]*")
-_PARTS = re.compile(r"([A-Za-z])[ \t]*(([+-]?)(\d+\.?\d*|\.\d+)(?:[Ee][Xx][+-]?\d+)?)")
+_VECTOR = r"[ \t][A-Ca-c]3=[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?![^ \t\r\n;])"
+_PLAIN = re.compile(rf"([ \t]*(?:[Nn]\d+)?(?:[ \t]*{_WORD}|[ \t]*{_VECTOR})*)[ \t]*(?:;[^\r\n]*)?[\r\n]*")
+_PARTS = re.compile(r"([A-Za-z](?:3(?==))?)(?:=|[ \t]*)(([+-]?)(\d+\.?\d*|\.\d+)(?:[Ee][Xx][+-]?\d+)?)")
 
 
 def read_block(line: int, text: str) -> Block:

@@ -1,9 +1,13 @@
-"""Numbers of plain lines, all of a text together."""
+"""The words of plain lines as columns, and the values of their numbers, all of a text together."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import NamedTuple
+
 import numpy as np
 
+from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array, read_only
 
 WIDEST = 12
@@ -58,3 +62,64 @@ def _spelled(text: bytes, start: np.ndarray, end: np.ndarray, decimals: int) -> 
     digits *= places < width
     weights = np.concatenate([POWERS[:decimals], [0.0], POWERS[decimals:]]) if decimals >= 0 else POWERS
     return np.asarray(weights[: len(places)] @ digits.astype(float))
+
+
+class NumberMarks(NamedTuple):
+    """How numbers are written; columns of words `(addresses, lines)`."""
+
+    plus: NDArrayBool
+    minus: NDArrayBool
+    bare: NDArrayBool
+    """True for no digit before the point."""
+    zero: NDArrayBool
+    """True for the digit 0 alone before the point."""
+    comma: NDArrayBool
+    """True for a comma instead of the point."""
+
+
+class PlainVectors(NamedTuple):
+    """The vectors of plain lines."""
+
+    tool: Array
+    """Tool vectors `(lines, 3)`, 0 for a component without a word; nan in lines without one."""
+    normal: NDArrayBool
+    """True `(lines,)` for a surface normal."""
+
+
+@dataclass(frozen=True)
+class ReadWords:
+    """The words of lines in their order `(words,)`."""
+
+    line: np.ndarray
+    letter: np.ndarray
+    """Address, upper case."""
+    at: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    """Address at `at`, number from `start` to `end`."""
+    decimals: np.ndarray
+    """Decimals; -1 for a number without a point."""
+    several_points: np.ndarray
+
+
+@dataclass(frozen=True)
+class PlainColumns:
+    """The words of plain lines: columns `(lines,)`, and `(addresses, lines)` with zeros where a line has no such word.
+
+    Addresses are those of the lines: first the axes, then those of centres and radii of arcs.
+    """
+
+    plain: NDArrayBool
+    motion: np.ndarray
+    """Motion that the line names; -1 for none."""
+    at: np.ndarray
+    """Position of the address in the piece."""
+    start: np.ndarray
+    """Position of the number."""
+    end: np.ndarray
+    """Position behind the number; 0 where the line omits the word."""
+    decimals: np.ndarray
+    """Decimals; -1 for a number without a point."""
+    value: Array
+    blank: np.ndarray
+    """1 where a blank precedes the last word, 0 where none does; -1 for a single word."""
