@@ -201,13 +201,13 @@ CLOTHINGS = {
             "tool vectors, Siemens", ".mpf",
             "%_N_SPEED_MPF\nG71 G17 G90 G40 G94 G54\nT1 D1\nM6\nTRAORI\nS12000 M3\n"
             "G0 X60 Y0 Z200 A3=0.34202 B3=0 C3=0.93969\n",
-            _tool_vectors, "M5\nM30\n", twin=FIVE_AXES, options=BETWEEN, most=2_000,
+            _tool_vectors, "M5\nM30\n", twin=FIVE_AXES, options=BETWEEN, most=20_000,
         ),
         Clothing(
             "tool vectors, Klartext", ".h",
             "0 BEGIN PGM SPEED MM\n1 TOOL CALL 1 Z S12000\n2 L X+60 Y+0 Z+200 B+20 C+180 FMAX M3\n"
             "3 M128\n", _surface_normals,
-            "M30\nEND PGM SPEED MM\n", twin=FIVE_AXES, options=BETWEEN, most=2_000,
+            "M30\nEND PGM SPEED MM\n", twin=FIVE_AXES, options=BETWEEN, most=20_000,
         ),
         Clothing(
             "three axes, inch, words left out", ".nc",

@@ -295,6 +295,14 @@ def test_vectors_in_bulk_give_the_same_program(program, seed, piece):
     assert outcome(text, DMU50, model, piece=piece, **options) == single
 
 
+@drawn(4, 60, 500, program=vector_programs(), piece=st.sampled_from(PIECES))
+def test_vectors_in_bulk_become_positions(program, piece):
+    text, dialect = program
+    options = {"dialect": dialect, "tcp": "to-axes", "tolerance_um": 1e5}
+    single = outcome(text, TABLE, model_of(TABLE), plain=False, **options)
+    assert outcome(text, TABLE, model_of(TABLE), piece=piece, **options) == single
+
+
 @pytest.mark.parametrize("dialect", ["siemens", "heidenhain"])
 def test_lines_with_vectors_are_read_and_written_together(dialect, monkeypatch):
     head, line, end = VECTOR_FORMS[dialect]

@@ -108,9 +108,7 @@ class Interpreter(ABC):
         They end before a line that has no motion, or words that contradict it, among increments before an arc and
         before an axis whose position the program has not given, and before a line with a vector, or without one again.
         """
-        vectors = run.vectors
-        if vectors is not None:
-            run, vectors = _alike(run, vectors)
+        run, vectors = _alike(run)
         before = self.modal.motion
         motion = np.append(-1 if before is None else int(before), run.columns.motion)
         motion = motion[np.maximum.accumulate(np.where(motion >= 0, np.arange(len(motion)), 0))][1:]
@@ -138,9 +136,7 @@ class Interpreter(ABC):
             return None
         part = run.part(0, taken)
         if vectors is not None:
-            turning = np.isfinite(vectors.tool[0, 0])
-            for note in [self.nearest] * bool(turning) + [self.along_normals] * bool(vectors.normal[0]):
-                self.notes.add(note, part.number, taken)
+            self._note_vectors(part, vectors)
         self._take_run(index, part, moves.first(taken), motion[:taken], arcs)
         return part
 
@@ -148,6 +144,13 @@ class Interpreter(ABC):
         """True `(lines,)` for lines with vectors that are read one by one in the present state."""
         rotary = np.any(run.columns.end[self.channel.rotary_axes] > 0, axis=0)
         return np.asarray(np.isfinite(vectors.tool[:, 0]) & (rotary | (not self.channel.turns_in_columns)))
+
+    def _note_vectors(self, run: PlainRun, vectors: PlainVectors) -> None:
+        """Note what is taken for granted of the vectors of lines, which are all alike."""
+        if np.isfinite(vectors.tool[0, 0]):
+            self.notes.add(self.nearest, run.number, len(run))
+        if vectors.normal[0]:
+            self.notes.add(self.along_normals, run.number, len(run))
 
     def _take_run(
         self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
@@ -173,8 +176,11 @@ class Interpreter(ABC):
         self.notes.add("blocks after the end of the program do not run and stay as programmed", block.line)
 
 
-def _alike(run: PlainRun, vectors: PlainVectors) -> tuple[PlainRun, PlainVectors | None]:
-    """The first lines of a run that have the vectors of the first one, and these vectors; None for none."""
+def _alike(run: PlainRun) -> tuple[PlainRun, PlainVectors | None]:
+    """The first lines of a run that have the kinds of vectors of the first one, and these vectors; None for none."""
+    vectors = run.vectors
+    if vectors is None:
+        return run, None
     pointing = np.isfinite(vectors.tool[:, 0])
     number = _before((pointing != pointing[0]) | (vectors.normal != vectors.normal[0]))
     if not (pointing[0] or vectors.normal[0]):

@@ -257,6 +257,24 @@ class PlainLines:
         complete = np.all([(count == 0) | (count == 3) for count in each], axis=0)
         return np.asarray(complete & (headed == named.any(axis=0)))
 
+    def _codes_of_vectors(self, words: ReadWords, plain: NDArrayBool) -> bytes:
+        """The characters of vectors, empty if no line has one; a line where a letter follows one is not plain."""
+        codes = VECTOR_CHARACTERS[: len(self._style.vectors)]
+        pointing = np.flatnonzero(np.isin(words.letter, np.frombuffer(codes, np.uint8)))
+        ended = np.isin(self._classes[words.end[pointing]], (BLANK, RETURN, LINE))
+        plain[words.line[pointing[~ended]]] = False
+        return codes * bool(len(pointing))
+
+    def _name_motions(self, words: ReadWords, motion: np.ndarray) -> None:
+        """Set the motions `(lines,)` that the words name."""
+        if self._style.rapid:
+            rapid = (words.letter == ord(self._style.rapid[0])) & (self._classes[words.at + 1] == FLAG)
+            motion[:] = 1
+            motion[words.line[rapid]] = 0
+        if self._style.motions:
+            codes = words.letter == ord("G")
+            motion[words.line[codes]] = self._motions_at(words.at[codes])
+
     @cached_property
     def _read(self) -> PlainColumns:
         """The columns, and behind those of `addresses` the ones of vectors if a line has any."""
@@ -265,11 +283,7 @@ class PlainLines:
         plain[words.line[words.several_points]] = False
         for letter in self._style.letters.encode():
             self._refuse_repeated(words.line[words.letter == letter], plain)
-        codes = VECTOR_CHARACTERS[: len(self._style.vectors)]
-        pointing = np.isin(words.letter, np.frombuffer(codes, np.uint8))
-        addresses = self.addresses.encode() + codes * bool(pointing.any())
-        behind = self._classes[words.end[pointing]]
-        plain[words.line[pointing][(behind != BLANK) & (behind != RETURN) & (behind != LINE)]] = False
+        addresses = self.addresses.encode() + self._codes_of_vectors(words, plain)
         letters = np.full(256, -1, np.int8)
         letters[np.frombuffer(addresses, np.uint8)] = np.arange(len(addresses))
         column = letters[words.letter]
@@ -291,16 +305,9 @@ class PlainLines:
         named = found.at, found.start, found.end, found.decimals, found.value
         for words_of, values in zip(named, (at, start, end, decimals, numbers), strict=True):
             words_of.ravel()[cell] = values
-        if self._style.rapid:
-            rapid = (words.letter == ord(self._style.rapid[0])) & (self._classes[words.at + 1] == FLAG)
-            found.motion[:] = 1
-            found.motion[words.line[rapid]] = 0
-        if self._style.motions:
-            codes = words.letter == ord("G")
-            found.motion[words.line[codes]] = self._motions_at(words.at[codes])
-        plain &= (found.end[: len(self.axes)] > 0).any(axis=0) & self._vectors_whole(
-            found.end[len(self.addresses) :] > 0
-        )
+        self._name_motions(words, found.motion)
+        plain &= (found.end[: len(self.axes)] > 0).any(axis=0)
+        plain &= self._vectors_whole(found.end[len(self.addresses) :] > 0)
         last = np.append(words.line[1:] != words.line[:-1], True)[: len(words.line)]
         several = np.flatnonzero(last[1:] & ~last[:-1]) + 1  # the last words of lines with more than one
         found.blank[words.line[several]] = self._classes[words.at[several] - 1] == BLANK

@@ -145,14 +145,14 @@ class Conversion:
 
     def _spelled(self, motions: Motions, rows: NDArrayBool, rewrite: Rewrite) -> Motions:
         """Tool vectors as positions of the rotary axes, rounded as they are written."""
-        rotary = np.flatnonzero(self._machine.rotary).tolist()
+        rotary, blocks = np.flatnonzero(self._machine.rotary).tolist(), motions.blocks
         some = [
             row
-            for row in np.flatnonzero(rows & motions.blocks.in_lists[motions.block]).tolist()
+            for row in np.flatnonzero(rows & (blocks.in_lists | blocks.no_insertion)[motions.block]).tolist()
             if row not in motions.arcs
             and (
                 (index := int(motions.block[row])) in rewrite.spelled
-                or spell_vector(self._job.dialect, index, motions.blocks[index], rewrite)
+                or spell_vector(self._job.dialect, index, blocks[index], rewrite)
             )
         ]
         if not some and not self._turned:
