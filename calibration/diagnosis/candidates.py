@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from calibration.diagnosis.dictionary import Block, Dictionary, products
+from calibration.diagnosis.dictionary import KEPT_BYTES, Block, Dictionary, products
 from calibration.diagnosis.forms import together
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
@@ -120,6 +120,33 @@ def _by_update(values: Array, less: Array, along: Array, ratio: float) -> tuple[
     return quadratic, determinant + np.where(sign > 0, log, 0.0)
 
 
+class Met:
+    """Finer members of terms, and terms by their columns, beside one structure: each question about it meets the same.
+
+    All are forgotten when their columns need more than KEPT_BYTES.
+    """
+
+    def __init__(self, structure: Structure, present: Present) -> None:
+        self._structure, self._present, self._bytes = structure, present, 0
+        self._finer: dict[Term, Sequence[Term]] = {}
+        self._columns: dict[tuple[Term, ...], list[Columns]] = {}
+
+    def finer(self, term: Term) -> Sequence[Term]:
+        """The finer members of the family of a term; none where it has none."""
+        if term not in self._finer:
+            self._finer[term] = [] if term.finer is None else term.finer()
+        return self._finer[term]
+
+    def columns(self, terms: tuple[Term, ...]) -> list[Columns]:
+        """Terms, by their width."""
+        if terms not in self._columns:
+            self._bytes += 8 * self._structure.data.observations.residual.size * sum(term.width for term in terms)
+            if self._bytes > KEPT_BYTES:
+                self._finer, self._columns, self._bytes = {}, {}, 0
+            self._columns[terms] = list(_grouped(self._structure, self._present, _block(self._structure, terms)))
+        return self._columns[terms]
+
+
 @dataclass(frozen=True)
 class Candidates:
     """All terms that are tried beside a structure."""
@@ -159,7 +186,11 @@ class Candidates:
 
     def exact(self, terms: Sequence[Term], without: Collection[int] = ()) -> Array:
         """The same of any terms `(len(terms),)`, in double precision."""
-        return self._odds(_grouped(self.structure, self.present, _block(self.structure, terms)), terms, without)
+        return self._odds(self._met.columns(tuple(terms)), terms, without)
+
+    @cached_property
+    def _met(self) -> Met:
+        return Met(self.structure, self.present)
 
     @cached_property
     def _wholes(self) -> tuple[list[Term], list[Columns]]:
@@ -184,7 +215,7 @@ class Candidates:
         """
         first = odds = float(self.exact([term], without)[0])
         for _ in range(REFINED):
-            members = [*members, *([] if term.finer is None else term.finer())]
+            members = [*members, *self._met.finer(term)]
             found = self.exact(members, without)
             if not members or found.max() <= odds + least:
                 break
