@@ -81,11 +81,16 @@ def frame_columns(volume: Volume, *, aligned: bool) -> Array:
     return np.concatenate([shift, turn], axis=2)
 
 
+def all_columns(volume: Volume, freedoms: Sequence[Freedom]) -> Array:
+    """Changes of the tool point with each freedom of the lines, then with those of the work offset."""
+    aligned = any(freedom.tilt for freedom in freedoms)
+    return np.concatenate([columns_of(volume, freedoms), frame_columns(volume, aligned=aligned)], axis=2)
+
+
 def best_lines(volume: Volume, model: ErrorModel, freedoms: Sequence[Freedom]) -> Best:
     """Least squares of the tool point errors over the volume, by changed lines and a changed work offset together."""
-    aligned = any(freedom.tilt for freedom in freedoms)
     k = len(freedoms)
-    columns = np.concatenate([columns_of(volume, freedoms), frame_columns(volume, aligned=aligned)], axis=2)
+    columns = all_columns(volume, freedoms)
     solve = _solver(columns)
     total = np.zeros(columns.shape[2])
     for _ in range(ITERATIONS):
@@ -99,13 +104,15 @@ def best_lines(volume: Volume, model: ErrorModel, freedoms: Sequence[Freedom]) -
     return Best(total[:k], u, _six(total[k:]), _six(alone))
 
 
-def unheld(volume: Volume, model: ErrorModel, freedoms: Sequence[Freedom]) -> float:
-    """Tool point error, um RMS, of a model that changed lines and a changed work offset leave, to first order."""
-    aligned = any(freedom.tilt for freedom in freedoms)
-    columns = np.concatenate([columns_of(volume, freedoms), frame_columns(volume, aligned=aligned)], axis=2)
-    e = exact_deviation(volume.machine, volume.q, model.errors(volume.machine, volume.state), volume.tool).position
-    left = e.ravel() - columns.reshape(-1, columns.shape[2]) @ (_solver(columns) @ e.ravel())
-    return float(np.sqrt(np.sum(left**2) / len(e))) * 1e3
+def unheld(volume: Volume, models: Sequence[ErrorModel], freedoms: Sequence[Freedom]) -> list[float]:
+    """Tool point error, um RMS, of each model that changed lines and a changed work offset leave, to first order."""
+    columns = all_columns(volume, freedoms)
+    flat, solve, found = columns.reshape(-1, columns.shape[2]), _solver(columns), []
+    for model in models:
+        e = exact_deviation(volume.machine, volume.q, model.errors(volume.machine, volume.state), volume.tool).position
+        left = e.ravel() - flat @ (solve @ e.ravel())
+        found.append(float(np.sqrt(np.sum(left**2) / len(e))) * 1e3)
+    return found
 
 
 def _solver(columns: Array) -> Array:

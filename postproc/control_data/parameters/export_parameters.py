@@ -109,15 +109,15 @@ class ExportedParameters(ExportedData):
     @property
     def left(self) -> list[Unrepresented]:
         """Errors that the parameters cannot hold, the largest first."""
-        volume, found = self._fitted_volume, []
-        for effect in self.whole.effects:
-            if effect.ACTS_ON == "instrument":
-                continue
-            if not positional(effect):
-                found.append(Unrepresented(effect.name, float("nan"), "depends on more than positions"))
-                continue
-            alone = msgspec.structs.replace(self.whole, effects=(effect,), covariance=None)
-            rms = unheld(volume, alone, self.freedoms)
+        errors = [effect for effect in self.whole.effects if effect.ACTS_ON != "instrument"]
+        held = [effect for effect in errors if positional(effect)]
+        found = [
+            Unrepresented(effect.name, float("nan"), "depends on more than positions")
+            for effect in errors
+            if not positional(effect)
+        ]
+        alone = [msgspec.structs.replace(self.whole, effects=(effect,), covariance=None) for effect in held]
+        for effect, rms in zip(held, unheld(self._fitted_volume, alone, self.freedoms), strict=True):
             if rms > WORTH_UM:
                 found.append(Unrepresented(effect.name, round(rms, 4), effect.beyond_kinematics(self.machine)))
         return sorted(found, key=lambda each: -each.rms_um if each.rms_um == each.rms_um else 0.0)
