@@ -10,7 +10,7 @@ from typing import Any
 from kinematics.files.mistaken import did_you_mean
 from kinematics.running.caller import command_line_calls
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import Signature
+from postproc.commands.options.declared import signature_of
 from postproc.commands.table import COMMANDS, GLOBAL, GROUPS, HELP, command, named
 from postproc.commands.words import Words
 
@@ -45,7 +45,7 @@ def _run(words: list[str]) -> None:
         if asked != words:
             _by_typer([*name.split(), "--help"])
             return
-        signature = Signature(command(name)[0])
+        signature = signature_of(command(name)[0])
         signature.run(Words(name, signature.declared).values(others))
 
 

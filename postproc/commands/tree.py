@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from kinematics.version import VERSION
-from postproc.commands.options.declared import REQUIRED, Declared, Signature
+from postproc.commands.options.declared import REQUIRED, Declared, signature_of
 from postproc.commands.table import COMMANDS, GLOBAL, GROUPS, HELP, command, module, named
 
 METAVARS: dict[type, str] = {bool: " ", int: "N", float: "NUMBER", Path: "FILE"}
@@ -85,7 +85,7 @@ def _typer_command(name: str) -> Any:
         """Typer shows a command and does not run it."""
 
     shown.__doc__, shown.__name__ = function.__doc__, function.__name__
-    shown.__signature__ = inspect.Signature([_parameter(each) for each in Signature(function).declared])  # type: ignore[attr-defined]
+    shown.__signature__ = inspect.Signature([_parameter(each) for each in signature_of(function).declared])  # type: ignore[attr-defined]
     single = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="markdown")
     single.command(name.rsplit(maxsplit=1)[-1], epilog=epilog, rich_help_panel=_panel(COMMANDS[name]))(shown)
     return _without_types(typer.main.get_command(single))

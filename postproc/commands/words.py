@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import REQUIRED, Declared, Signature
+from postproc.commands.options.declared import REQUIRED, Declared, signature_of
 from postproc.commands.table import command, siblings
 
 DASHES = re.compile("^[-\u2010-\u2015\u2212]+")
@@ -125,7 +125,7 @@ class Words:
 
     def _refuse_unknown(self, name: str) -> NoReturn:
         """Refuse an option that this command does not have; the message names the one that does, or a likely name."""
-        declared = {other: Signature(command(other)[0]).declared for other in siblings(self.command)}
+        declared = {other: signature_of(command(other)[0]).declared for other in siblings(self.command)}
         of = [f"ncomp {other}" for other, options in declared.items() if any(name in each.names for each in options)]
         if of:
             self._refuse(f"{name} is an option of {' and of '.join(of)}")

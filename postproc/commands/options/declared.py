@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, field, fields, is_dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -158,6 +158,12 @@ class Signature(msgspec.Struct, frozen=True, dict=True):
             refuse_inputs(others, [output])
             if each.writes == "file" and output not in (None, "-"):
                 refuse_unwritable(each.label, output)
+
+
+@cache
+def signature_of(command: Callable[..., None]) -> Signature:
+    """The declarations of a command, which are read once."""
+    return Signature(command)
 
 
 def refuse_given(reason: str, options: Any, *names: str) -> None:

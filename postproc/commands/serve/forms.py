@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import Declared, Signature
+from postproc.commands.options.declared import Declared, signature_of
 from postproc.commands.table import command
 from postproc.text.calls.called_files import SUFFIXES
 
@@ -118,7 +118,7 @@ class Task:
 
 
 def _declared(name: str) -> dict[str, Declared]:
-    return {each.name: each for each in Signature(command(name)[0]).declared}
+    return {each.name: each for each in signature_of(command(name)[0]).declared}
 
 
 def output_name(task: Task, inputs: Sequence[str]) -> str:
