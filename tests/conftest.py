@@ -3,7 +3,8 @@
 import gc
 import os
 from collections.abc import Callable, Generator, Iterator
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -60,15 +61,32 @@ INTEGRATION_MODULES = {
 """So is every test of these modules: whole commands, processes, corrections, fits, diagnoses, plans and tables."""
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Generator[None, object, object]:
+@pytest.hookimpl(wrapper=True, trylast=True)
+def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
     """Search for no garbage while the tests are collected, nor later among the modules and the collected tests."""
     gc.disable()
     try:
+        if session.config.args_source is session.config.ArgsSource.TESTPATHS and _worker() % 2:
+            _import_from_the_last()
         return (yield)
     finally:
         gc.freeze()
         gc.enable()
+
+
+def _worker() -> int:
+    """Number of this process among those that run the tests."""
+    return int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+
+
+def _import_from_the_last() -> None:
+    """Import the modules of tests in reverse order: in a fresh clone each of two workers compiles half of them.
+
+    What a module cannot be imported for is told when it is collected.
+    """
+    for path in sorted(Path(__file__).parent.glob("test_*.py"), reverse=True):
+        with suppress(Exception, pytest.skip.Exception):
+            import_module(path.stem)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

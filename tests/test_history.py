@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import resource
 import shutil
 import signal
 import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from support.command import refusal, succeed
+from support.forked import run_forked, start_forked
 from support.history_cases import calibration, entries
 
 from history.database import opened
@@ -155,40 +152,28 @@ def test_a_locked_a_foreign_and_a_missing_database_are_refused(tmp_path):
         assert reason in refusal("history", "list", "--db", name)
 
 
-CODE = "import sys; sys.argv[0] = 'ncomp'; from postproc.cli import run; run()"
-
-
-def started(*words: object, code: str = CODE, **options: object) -> subprocess.Popen[bytes]:
-    """A process of the command line, in which `code` runs."""
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, words)],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stderr=subprocess.PIPE,
-        **options,
-    )
-
-
-def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
-    """Exit status of a process, and what it has said."""
-    said = process.communicate()[1].decode()
-    return process.returncode, said
+def ended(*words: object, before: str = "") -> tuple[int, str]:
+    """Exit status of a process of the command line, and what it has said; `before`: Python that it runs first."""
+    done = run_forked(*words, before=before)
+    return done.returncode, done.stderr.decode()
 
 
 def test_two_writers_at_once_lose_nothing(db):
-    pair = [started("history", "add", "cframe", "--check", CHECK, "--at", f"2026-0{n}-01", "--db", db) for n in (1, 2)]
-    assert [status for status, _ in map(ended, pair)] == [0, 0]
+    words = ("history", "add", "cframe", "--check", CHECK, "--db", db)
+    pair = [start_forked(*words, "--at", f"2026-0{n}-01") for n in (1, 2)]
+    for process in pair:
+        process.join(60)
+    assert [process.exitcode for process in pair] == [0, 0]
     assert [each["at"][:7] for each in entries(db)] == ["2026-01", "2026-02"]
 
 
 KILLED = """
-import os, sys; sys.argv[0] = 'ncomp'
+import os
 from sqlalchemy import Engine, event
 def kill(connection, cursor, statement, *_):
     if 'INSERT INTO figure' in statement:
         os.kill(os.getpid(), 9)
 event.listen(Engine, 'before_cursor_execute', kill)
-from postproc.cli import run
-run()
 """
 
 
@@ -198,7 +183,7 @@ def test_a_killed_process_leaves_the_history_as_it_was(db):
     for before in (False, True):
         if before:
             succeed("history", "event", "cframe", "crash", "--at", "2025-01-01", "--db", db)
-        status, said = ended(started(*words, code=KILLED))
+        status, said = ended(*words, before=KILLED)
         assert status == -signal.SIGKILL, said
         if before:
             assert [each["kind"] for each in entries(db)] == ["crash"]
@@ -213,12 +198,8 @@ def test_a_full_disk_loses_nothing(tmp_path):
     cal = calibration(tmp_path / "a.json")
     cal.write_bytes(cal.read_bytes() + b" " * 200_000)
     size = db.stat().st_size
-
-    def full() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 50_000, size + 50_000))
-
-    writer = started("history", "add", "cframe", cal, "--db", db, preexec_fn=full)
-    status, message = ended(writer)
+    full = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size + 50_000}, {size + 50_000}))"
+    status, message = ended("history", "add", "cframe", cal, "--db", db, before=full)
     assert status == 2, message
     assert "make room on it" in message
     assert [each["kind"] for each in entries(str(db))] == ["crash"]
@@ -278,7 +259,7 @@ KILLED_MIGRATION = KILLED.replace("INSERT INTO figure", "UPDATE alembic_version"
 def test_a_migration_that_is_interrupted_leaves_the_earlier_version(db):
     of_version_1(db)
     for words in (("list", "cframe"), ("event", "cframe", "moved")):
-        status, said = ended(started("history", *words, "--db", db, code=KILLED_MIGRATION))
+        status, said = ended("history", *words, "--db", db, before=KILLED_MIGRATION)
         assert status == -signal.SIGKILL, said
     assert version_of(db) == ("1", False)
     assert [each["kind"] for each in entries(db)] == ["crash"]

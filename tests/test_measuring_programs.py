@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from calibration.on_the_fly.planning import path_search
+
 # X of the gantry at 100 and 200, once in each direction, with an approach of 1 mm, as mm in machine coordinates
 OPTIONS = (
     *("--machine", "gantry", "--strategy", "axes", "--spacing", "100", "--range", "X=100:200", "--range", "Y=5"),
@@ -119,7 +121,8 @@ def test_linuxcnc_runs_its_program(ncomp, linuxcnc):
     assert {(move.kind, move.feed) for move in ran.moves} == {("line", 1500.0)}
 
 
-def test_a_path_of_a_siemens_control(ncomp):
+def test_a_path_of_a_siemens_control(ncomp, monkeypatch):
+    monkeypatch.setattr(path_search, "TRIES", 50)  # any path
     made = ncomp(
         *("plan", "path", "--machine", "cframe", "--target", "t=0,0,-120", "--length-m", "2", "--feed", "2500"),
         *("-o", "path.csv", "--nc", "path.mpf", "--dialect", "siemens"),

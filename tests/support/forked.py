@@ -14,7 +14,7 @@ FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(
     ["postproc.cli", "postproc.command_line", "postproc.correct.pipeline", "postproc.correct.report", "postproc.iso.interpreter",
      "postproc.control_data.tool_tables", "postproc.commands.show.terminal", "kinematics.derived.gantry", "jinja2",
-     "rendering.page", "typer._adapters"]
+     "rendering.page", "typer._adapters", "history.schema", "alembic.runtime.environment", "alembic.script"]
 )  # fmt: skip
 
 
