@@ -151,8 +151,7 @@ def made_of(observations: Observations, effects: Sequence[Effect], parameters: A
     """
     machine, state = observations.measurement.machine, observations.measurement.state
     linear = np.concatenate([effect.linear for effect in effects])
-    first = state.rows(slice(0, 1))
-    errors = [each for effect in effects for each in effect.columns(machine, first)]
+    errors = [each for effect in effects for each in effect.columns(machine, observations.first_state)]
     numbers = {6 * (each.column % (len(machine.axes) + 2)) + each.component for each in errors}
 
     def functions() -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.diagnosis.forms import Form, motion_changes, pivoted, plain, reversals
 from calibration.diagnosis.library.causes import angle_steps, causes, given, jumps
-from calibration.diagnosis.library.changes import changes
+from calibration.diagnosis.library.changes import at_zero, changes
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
@@ -60,12 +60,12 @@ def named(observations: Observations) -> list[Term]:
         terms += reversals(observations)
     if observations.given is not None:
         terms += motion_changes(observations, observations.given)
-    for effect in jumps(measurement):
+    for effect in map(at_zero, jumps(measurement)):
         points, marks = _moments(measurement, effect)
         terms += _at_points(observations, effect, partial(_since, effect), points, marks)
     for step in angle_steps(measurement):
         points = _angles(observations, CIRCLES.index(step.over))
-        terms += _at_points(observations, step, partial(_above, step), points, _spread(points))
+        terms += _at_points(observations, step, partial(_above, at_zero(step)), points, _spread(points))
     return terms
 
 

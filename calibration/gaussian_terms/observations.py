@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from kinematics.effects.base import own_component
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.error_model.priors import Priors
+from kinematics.state import State
 from kinematics.transforms import Array
 
 MOST_OF_STOP = 20
@@ -103,6 +105,11 @@ class Observations:
     def components(self) -> int:
         """Number d of scalars in a row."""
         return int(self.residual.shape[1])
+
+    @cached_property
+    def first_state(self) -> State:
+        """The state of the machine in the first row."""
+        return self.measurement.state.rows(slice(0, 1))
 
     def own_arm(self, axis: str) -> int:
         """Number of the positioning error of an axis among the errors of the transform."""

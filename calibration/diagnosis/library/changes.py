@@ -65,6 +65,6 @@ def _about(axis: str) -> str:
 
 def at_zero(effect: Effect) -> Effect:
     """The effect with its linear parameters at zero, shapes as they are."""
-    table = effect.parameter_table
-    values = [0.0 if quantity.linear else value for quantity, value in zip(table, effect.parameters, strict=True)]
-    return effect.with_parameters(values, (0.0,) * len(values))
+    parameters, no_u = effect.parameters, (0.0,) * len(effect.parameters)
+    values = tuple(0.0 if linear else value for linear, value in zip(effect.linear, parameters, strict=True))
+    return effect if (values, no_u) == (parameters, effect.u) else effect.with_parameters(values, no_u)
