@@ -105,7 +105,7 @@ class Axis:
         )
 
 
-Family = Literal["any", "fanuc", "linuxcnc", "grbl"]
+Family = Literal["any", "fanuc", "linuxcnc", "grbl", "mach3"]
 Probing = Literal["", "beside"]
 
 

@@ -209,3 +209,43 @@ def test_what_grbl_cannot_run(tmp_path):
 def test_codes_as_grbl_has_them(code, verdict):
     found = ncomp.codes(code, family="grbl").json()["codes"]
     assert [each["verdict"] for each in found if each["dialect"] == "iso"] == [verdict]
+
+
+# ---- Mach3
+
+
+MACH3 = {
+    "G70\nG1 X1. F9.": [25.4, 10.0, 5.0],
+    "G20\nG71\nG1 X1. F9.": [1.0, 10.0, 5.0],
+    "G4 P1 X1.": [1.0, 10.0, 5.0],
+    "G28.1 X0 Y0\nG0 X3. Y4.": [3.0, 4.0, 5.0],
+    "G52 X1.\nG1 X2. F9.": [3.0, 10.0, 5.0],
+    "G92 X0\nG1 X2. F9.\nG92.1\nX2.": [2.0, 10.0, 5.0],
+    "G73 X1. Z-5. R2. Q1. F9.\nG80\nG0 Y3.": [1.0, 3.0, None],
+}
+MACH3_REFUSED = {
+    "G16": "G16 counts from the present position on Mach3",
+    "G51 X2.": "G51 scales each axis by its own word on Mach3",
+    "G68 A0 B0 R30.": "G68 has its centre in A and B on Mach3",
+    "M47": "M47 runs the program again from its first line on Mach3",
+    "G54.1 P1": "G54.1 is no code of Mach3",
+    "G43.4 H1": "G43.4 is no code of Mach3",
+    "G10 L20 P1 X0": "what mach3 does is not known to ncomp: write it in another form",
+    "G1 X1. ,C1. F9.\nY1.": ",C is no word of mach3",
+    "G28.1 X0\nG91 G1 X1. F9.": "an increment of X needs a known start",
+    "G31 X5. F9.": "G31 is a probing move",
+    "$H": "$H is a command of grbl",
+}
+
+
+@pytest.mark.parametrize("text", MACH3)
+def test_positions_by_mach3(text):
+    found = ends(f"G0 X10. Y10. Z5.\n{text}\n", of("mach3"))[-1]
+    assert [a for a, b in zip(found, MACH3[text], strict=True) if b is not None] == [
+        b for b in MACH3[text] if b is not None
+    ]
+
+
+@pytest.mark.parametrize("text", MACH3_REFUSED)
+def test_what_mach3_reads_in_its_own_way_is_refused(text):
+    assert MACH3_REFUSED[text] in refused(f"G0 X10. Y10. Z5.\n{text}\n", of("mach3"))

@@ -76,6 +76,11 @@ def test_calls_that_are_refused(text):
     assert REFUSED[text] in str(caught.value)
 
 
+def test_a_subprogram_that_nothing_calls():
+    with pytest.raises(UserError, match="AA is not known: this is a subprogram, and no program has called it"):
+        read("PROC PART(REAL AA)\nG1 X=AA F100\nM17\n")
+
+
 SAVED = "%_N_A_MPF\nG71 G90 G17 G54 G0 X0 Y0 Z0\nSTEP(5)\nX20\nM30\n%_N_STEP_SPF\nPROC STEP(REAL DIST){}\nG91 G1 X=DIST F100\nG55\nG90 X7\nG91\nRET\n"
 
 

@@ -53,7 +53,7 @@ VALUES = {
     "engine": "rules terms",
     "error-motions": "all",
     "errors": "none table-1",
-    "family": "any fanuc linuxcnc grbl",
+    "family": "any fanuc linuxcnc grbl mach3",
     "format": "auto ncomp rtl target-readings iso230-table ecmc-report cmm epics twincat-scope ballbar-angles robot "
     "delimited csv linuxcnc siemens-eec siemens-cec heidenhain heidenhain-kinematics fanuc isg isg-cross "
     "isg-volumetric etalon mitsubishi klipper reprap marlin grbl linuxcnc-matrix linuxcnc-calibxyz linuxcnc-kinematics "

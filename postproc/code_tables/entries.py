@@ -22,7 +22,7 @@ VERDICTS: dict[Verdict, str] = {
 }
 PASSES = "does not change the programmed path"
 CONTROLS = {
-    "iso": "FANUC series 30i, 31i, 32i and 0i-F (milling), HAAS NGC, LinuxCNC 2.9, grbl 1.1, grblHAL",
+    "iso": "FANUC series 30i, 31i, 32i and 0i-F (milling), HAAS NGC, LinuxCNC 2.9, grbl 1.1, grblHAL, Mach3",
     "siemens": "SINUMERIK 840D sl and 828D, software 4",
     "heidenhain": "iTNC 530, TNC 640 and TNC7, Klartext",
 }

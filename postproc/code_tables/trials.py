@@ -78,4 +78,4 @@ def families_of(entry: CodeEntry) -> tuple[str, ...]:
     if entry.code in TRIALS:
         blocks = [TRIALS[entry.code]]
     found = tuple(family for family in FAMILIES if any(not refusal("iso", block, family) for block in blocks))
-    return known if ANY in found else found
+    return known if ANY in found and entry.letter else found

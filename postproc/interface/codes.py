@@ -17,7 +17,7 @@ def codes(
     text: str = "",
     machine: str | Path | Machine | None = None,
     *,
-    family: Literal["any", "fanuc", "linuxcnc", "grbl"] | None = None,
+    family: Literal["any", "fanuc", "linuxcnc", "grbl", "mach3"] | None = None,
     dialect: Literal["iso", "siemens", "heidenhain"] | None = None,
 ) -> Codes:
     """What codes mean to ncomp: followed, passed unchanged, or refused and why.

@@ -24,7 +24,16 @@ from postproc.iso.codes import (
     TURNING_WORDS,
     UNITS,
 )
-from postproc.iso.families import ANY, GRBL, HARMLESS, HARMLESS_M, LINUXCNC, STORED, refused_by_family
+from postproc.iso.families import (
+    ANY,
+    GRBL,
+    HARMLESS,
+    HARMLESS_M,
+    LINUXCNC,
+    MACH3,
+    STORED,
+    refused_by_family,
+)
 from postproc.iso.modal_state import InForce, ModalState
 from postproc.iso.variables import IsoVariables
 from postproc.motion.moves import Kind
@@ -109,7 +118,9 @@ class Channel(channel.Channel):
 
     def _unit_code(self, block: Block, code: float) -> float:
         """G20 or G21 for G70 or G71 alone, where no control is stated and the program has no other unit."""
-        if code not in OTHER_UNITS or self.family != "any" or any(w.address in TURNING_WORDS for w in block.words):
+        if code in OTHER_UNITS and self.family == MACH3:
+            return OTHER_UNITS[code]
+        if code not in OTHER_UNITS or self.family != ANY or any(w.address in TURNING_WORDS for w in block.words):
             return code
         unit = UNITS[OTHER_UNITS[code]]
         if "unit" not in self.modal.not_programmed and unit != self.modal.unit:

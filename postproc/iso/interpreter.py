@@ -48,7 +48,7 @@ from postproc.iso.coordinate_presets import cancel_preset, change_coordinates
 from postproc.iso.cycles import calls_macro
 from postproc.iso.datum_transformations import end_mirror, end_turn
 from postproc.iso.drilling import begin_cycle, drill, end_cycle
-from postproc.iso.families import KINEMATICS, LINUXCNC
+from postproc.iso.families import KINEMATICS, LINUXCNC, MACH3, REFERENCED
 from postproc.iso.modal_state import ModalState
 from postproc.iso.reading.commands import run_command
 from postproc.iso.reading.lines import DETAIL as LEADER
@@ -215,7 +215,7 @@ class IsoInterpreter(Interpreter):
                 claimed = code
                 if code in (5.0, 5.1):
                     check_speed(content, code)
-            elif code in PROBING and channel.setup.probing:
+            elif (code in PROBING and channel.setup.probing) or (code == REFERENCED and self.family == MACH3):
                 claimed = code
             elif code in OFFSET_CODES:
                 select_offset(channel, content, code)
@@ -309,7 +309,7 @@ class IsoInterpreter(Interpreter):
             if modal.cycle is not None:
                 # the effect of coordinates from here on depends on the control
                 modal.motion = modal.cycle = None
-            if modal.absolute and words:
+            if modal.absolute and words and code != REFERENCED:
                 self.notes.add("G28/G30 passes its intermediate point uncorrected", content.block.line)
             self.recorder.mark_unknown([word.axis for word, _ in words] or list(range(len(self.machine.axes))))
             return

@@ -303,7 +303,7 @@ def _vacant() -> Value:
 
 def variables_of(family: str) -> IsoVariables:
     """The variables of a program, for controls of a family."""
-    if family in ("any", "grbl"):
+    if family in ("any", "grbl", "mach3"):
         return IsoVariables()
     plain = {**OPERATIONS, "program": _program, "repetitions": lambda _: 1.0, "repeated program": _program}
     if family == "linuxcnc":

@@ -21,7 +21,7 @@ from postproc.iso.codes import (
     TOOL_IS,
     TURNING_CYCLES,
 )
-from postproc.iso.families import ANY, GRBL, IN_MACHINE_FRAME, LINUXCNC, SELECT_KINEMATICS
+from postproc.iso.families import ANY, GRBL, IN_MACHINE_FRAME, LINUXCNC, MACH3, SELECT_KINEMATICS
 from postproc.iso.reading.blocks import WORDS
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
@@ -85,7 +85,7 @@ def check_content(content: Content, begun: bool, family: str) -> None:
             "H without G43: some controls take the new length at once, others do not. Write G43 in this block"
         )
     if len(g) > 1:
-        naming = NAMING - {DWELL} if family == "linuxcnc" else NAMING
+        naming = NAMING - {DWELL} if family in (LINUXCNC, MACH3) else NAMING
         if content.axes and not naming.isdisjoint(g) and not (MOTION.keys() | CYCLES).isdisjoint(g):
             raise block.refuse("two G codes of the block can use its coordinates: write them in two blocks")
         alone = [code for code in g if code not in content.ends]
@@ -166,7 +166,8 @@ DIFFERS = 'write family = "fanuc" or "linuxcnc" in the machine file'
 
 def decided_by_family(content: Content, family: str, reason: str, **own: str) -> Refusal:
     """The exception for what controls read differently: for a stated family its own reason, else the entry to write."""
-    return content.refuse(own.get(family, f"{reason}; {DIFFERS}"))
+    cure = DIFFERS if family == ANY else f"what {family} does is not known to ncomp: write it in another form"
+    return content.refuse(own.get(family, f"{reason}; {cure}"))
 
 
 def motion_words(content: Content, motion: float | None) -> str:
@@ -208,7 +209,7 @@ def dwells_alone(content: Content, family: str) -> bool:
     if strange:
         raise content.refuse(f"the effect of {strange[0]} in a G4 block depends on the control: leave it out")
     if "P" in other and content.axes:
-        if family == "linuxcnc":
+        if family in (LINUXCNC, MACH3):
             return False
         raise decided_by_family(
             content,

@@ -75,10 +75,10 @@ def _form(sequence: ProbingSequence, settings: ProbingSettings, control: str) ->
             f"--nc: the control of {machine.name} positions the tool point from the start (tcp_at_start); a probing "
             "program needs axis positions"
         )
-    if machine.control.family == "grbl" and control == "linuxcnc":
+    if machine.control.family in ("grbl", "mach3") and control == "linuxcnc":
         raise UserError(
-            "--nc: grbl has neither the variables nor the log that a probing program needs: probe by hand or by the "
-            "sender, and write the positions into a measurement file"
+            f"--nc: {machine.control.family} has neither the variables nor the log that a probing program needs: probe "
+            "by hand or by the sender, and write the positions into a measurement file"
         )
     forms: dict[str, Callable[[ProbingSequence, ProbingSettings], ProbingFormat]] = {
         "linuxcnc": LinuxCnc,

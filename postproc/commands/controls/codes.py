@@ -40,7 +40,9 @@ def codes(
         default=None,
     ),
     machine: OptionalMachine,
-    family: Literal["any", "fanuc", "linuxcnc", "grbl"] | None = option("Family of ISO controls.", panel=MACHINE),
+    family: Literal["any", "fanuc", "linuxcnc", "grbl", "mach3"] | None = option(
+        "Family of ISO controls.", panel=MACHINE
+    ),
     dialect: Literal["iso", "siemens", "heidenhain"] | None = option("One dialect only."),
     json: JsonFile,
 ) -> None:

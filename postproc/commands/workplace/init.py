@@ -42,7 +42,7 @@ class NewMachine:
     point: tuple[str, ...] = option("Point on the line of a rotary axis, mm, machine frame.", "C=x,y,z")
     direction: tuple[str, ...] = option("Direction of an axis that differs from that of its letter.", "B=x,y,z")
     home: tuple[str, ...] = option("Reference position of an axis; of Z the upper end of its travel.", "Z=mm")
-    family: Literal["any", "fanuc", "linuxcnc", "grbl"] | None = option(
+    family: Literal["any", "fanuc", "linuxcnc", "grbl", "mach3"] | None = option(
         "Control, where controls read ISO code differently."
     )
 

@@ -14,7 +14,7 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.correct.obstacles import Asked, Change, reasons
-from postproc.correct.rotary.feed_in_force import Feed, FeedsInForce
+from postproc.correct.rotary.feed_in_force import FEED_IS_KNOWN, Feed, FeedsInForce
 from postproc.dialects import Dialect
 from postproc.evaluation.evaluation import ROTARY_ONLY
 from postproc.motion.motions import Motions
@@ -33,7 +33,7 @@ class RotaryFeeds:
     def __init__(self, machine: Machine, how: str, dialect: Dialect, notes: Notes) -> None:
         """`how`: as `Control.rotary_feed`; UserError for `scaled` on an unknown control."""
         self._machine, self._how, self._dialect, self._notes = machine, how, dialect.name, notes
-        if how == "scaled" and dialect.name == "iso" and machine.control.family in ("any", "grbl"):
+        if how == "scaled" and dialect.name == "iso" and machine.control.family not in FEED_IS_KNOWN:
             raise UserError(FAMILY)
         self._feed = Feed()
 

@@ -15,6 +15,8 @@ from postproc.text.blocks import Blocks
 
 PER_MINUTE = 94.0
 """Feed mode in which F is a speed, mm/min or deg/min."""
+FEED_IS_KNOWN = frozenset(("fanuc", "linuxcnc"))
+"""Families of ISO controls whose F for linear and rotary axes in one block is known."""
 OTHER_FEEDS = frozenset(("FAUTO", "FU", "FZ"))
 """Addresses of feeds of the tool table, per revolution and per tooth."""
 TCP_M = 128.0

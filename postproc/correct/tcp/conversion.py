@@ -75,8 +75,8 @@ class Conversion:
                 "--tcp to-tcp: LinuxCNC has no code for TCP, its kinematics position the tool point from the start: "
                 "write tcp_at_start = true under [control] of the machine file"
             )
-        if not self._to_axes and family == "grbl":
-            raise UserError("--tcp to-tcp: grbl has no code for TCP: write axis positions, --tcp to-axes")
+        if not self._to_axes and family in ("grbl", "mach3"):
+            raise UserError(f"--tcp to-tcp: {family} has no code for TCP: write axis positions, --tcp to-axes")
         self._feeds, self._feed = Feeds(job), Feed()
         self._switched = SwitchedOn(job.dialect, job.machine.control.tcp_at_start)
         self._turned: dict[int, tuple[float, float]] = {}

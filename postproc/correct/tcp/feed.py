@@ -15,7 +15,7 @@ from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.correct.job import Job
-from postproc.correct.rotary.feed_in_force import PER_MINUTE, Feed, FeedsInForce
+from postproc.correct.rotary.feed_in_force import FEED_IS_KNOWN, PER_MINUTE, Feed, FeedsInForce
 from postproc.correct.tcp.path import turns
 from postproc.motion.circles import SAME
 from postproc.motion.motions import Motions
@@ -52,7 +52,7 @@ class Feeds:
         self._to_tcp, self._machine = to_tcp, job.machine
         if klartext and self._how == "inverse-time":
             raise UserError(KLARTEXT)
-        if self._how == "scaled" and self._family in ("any", "grbl") and not to_tcp:
+        if self._how == "scaled" and self._family not in FEED_IS_KNOWN and not to_tcp:
             raise UserError(FAMILY.format(cure=", or choose --tcp-feed inverse-time"))
 
         self._comment = job.dialect.comment
@@ -212,7 +212,7 @@ class Feeds:
         if self._family == "fanuc":
             path = np.where(both, np.hypot(path, angle), path)
         minutes = np.maximum(np.where(path > SAME, path, angle) / feeds, LEAST_MINUTES)
-        return minutes, both & (self._family in ("any", "grbl"))
+        return minutes, both & (self._family not in FEED_IS_KNOWN)
 
 
 class _Part(NamedTuple):

@@ -48,7 +48,7 @@ class Receive(NamedTuple):
         if len(arguments) and max(arguments) > len(self.parameters):
             raise NotKnown("the call has more arguments than the subprogram has parameters: remove the others")
         for i, (kind, name, default, by_reference) in enumerate(self.parameters, start=1):
-            omitted = NotKnown(f"the call omits the argument for {name}")
+            omitted = _omitted(name) if scope.depth else _not_called()
             given = arguments.get(i, omitted if default is None else _known(default, scope))
             scope.declare(kind, name, (), [given])
             if by_reference and scope.depth:
@@ -136,3 +136,11 @@ def _known(expression: Expression, scope: Scope) -> Value | NotKnown:
         return evaluate(expression, scope)
     except NotKnown as reason:
         return reason
+
+
+def _omitted(name: str) -> NotKnown:
+    return NotKnown(f"the call omits the argument for {name}")
+
+
+def _not_called() -> NotKnown:
+    return NotKnown("this is a subprogram, and no program has called it with a value: give the program that calls it")
