@@ -386,7 +386,7 @@ REFUSED = {
     'CALL "PART" BLOCK A1 TO A2': "CALL calls a program in a form that is not followed",
     'CALL "PART" BLOCK "N100" TO "N200"': "CALL calls a program in a form that is not followed",
     "CALL BLOCK LA1 TO LA2": "CALL calls a program in a form that is not followed",
-    "PCALL /_N_WKS_DIR/_N_SHAFT_WPD/SHAFT(1,2)": "PCALL calls a program in a form that is not followed",
+    "PCALL /_N_WKS_DIR/_N_SHAFT_WPD/SHAFT(1,2)": "a program is called by its name, or by a path in its own folder",
     "G0 G1": "G0 and G1 in one block",
     "G999": "G999 is not known",
     "X 1 Y": "is not",

@@ -29,6 +29,7 @@ RUNS = {
     "recursion": ("PART(3)\nM30\n%_N_PART_SPF\nPROC PART(INT NN)\nIF NN>0\nX=NN\nPART(NN-1)\nX=NN*10\nENDIF\nM17\n", [0, 3, 2, 1, 10, 20, 30]),
     "in a loop": ("DEF INT II\nFOR II=1 TO 2\nPART(II)\nENDFOR\nM30\n%_N_PART_SPF\nPROC PART(INT NN)\nX=NN\nM17\n", [0, 1, 2]),
     "by a name in quotes": ('CALL "PART"\nCALL "_N_PART_SPF"\nM30\n%_N_PART_SPF\nX=IC(1)\nM17\n', [0, 1, 2]),
+    "by its path": ("PCALL /_N_WKS_DIR/PART(4, 7)\nPCALL /_N_WKS_DIR/_N_PART_SPF (1)\nPCALL PART\nM30\n%_N_PART_SPF\nPROC PART(REAL AA=3, REAL BB=5)\nX=AA+BB\nM17\n", [0, 11, 6, 8]),
     "declared": ("EXTERN PART(REAL)\nPART(4)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n", [0, 4]),
     "repeated parts": ("REPEAT LA1 P=1\nM30\n%_N_PART_SPF\nLA1: X5\nM17\n", None),
 }  # fmt: skip

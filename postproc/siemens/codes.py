@@ -103,6 +103,8 @@ MEASURING = re.compile(r"CYCLE(9[67]\d|982|99\d)")
 """Measuring cycles."""
 CALLS = _all("CALL EXTCALL PCALL")
 """Words before the name of a program in quotes."""
+BY_PATH = "PCALL"
+"""The word before the path of a program without quotes, and its arguments."""
 REFUSED_NAMES = {
     "POLY": "begins polynomials, which are not corrected: write G1, G2 or G3",
     **dict.fromkeys(("INVCW", "INVCCW"), "is an involute, which is not corrected: write G1, G2 or G3"),

@@ -21,7 +21,7 @@ from postproc.siemens.variables import set_by
 from postproc.siemens.words import OF_CONTROL, is_known
 from postproc.text.block import Block, Refusal, Word, not_understood
 from postproc.text.block_values import check_order
-from postproc.text.expressions import Ambiguous, Variable
+from postproc.text.expressions import Ambiguous, Constant, Variable
 from postproc.text.line_numbers import original
 from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Code, Label, Return, Step, When
@@ -151,6 +151,14 @@ def _called(item: Any) -> Word:
     return word._replace(arguments=(formula(item.children[1]),))
 
 
+def _called_by_path(item: Any) -> Word:
+    """PCALL /_N_WKS_DIR/PART(1, 2): the path as a text, and the arguments of the program behind it."""
+    address, path = item.children[0].split(maxsplit=1)
+    word = _name(address.upper(), item.meta.start_pos, item.meta.end_pos)
+    given = arguments(item.children[1]) if len(item.children) > 1 else ()
+    return word._replace(arguments=(Constant(path), *given))
+
+
 def _bare(token: Token) -> Word:
     """The first word of a token."""
     name = re.split(r"[\s=(]", token.upper(), maxsplit=1)[0]
@@ -166,6 +174,7 @@ _WORDS: dict[str, Callable[[Any], Word]] = {
     "PARTIAL": _bare,
     "call": _call,
     "called": _called,
+    "called_by_path": _called_by_path,
 }
 
 

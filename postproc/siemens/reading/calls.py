@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from postproc.control.codes import PROGRAM_ENDS
-from postproc.siemens.codes import CALLS, END_OF_SUBPROGRAM, REFUSED_NAMES
+from postproc.siemens.codes import BY_PATH, CALLS, END_OF_SUBPROGRAM, REFUSED_NAMES
 from postproc.siemens.reading.declarations import Pass, Receive
 from postproc.siemens.reading.statements import program_name
 from postproc.siemens.variables import EMPTY, NAME, label
@@ -142,5 +142,6 @@ def _called(block: Block, word: Word, home: str) -> str:
 
 
 def _given(word: Word) -> tuple[Expression, ...]:
-    """The arguments of a call; EXTCALL has the name of the program in its parentheses."""
-    return () if word.address in CALLS else word.arguments or ()
+    """The arguments of a call; EXTCALL has the name of the program in its parentheses, PCALL before them."""
+    given = word.arguments or ()
+    return given if word.address not in CALLS else given[1:] if word.address == BY_PATH else ()
