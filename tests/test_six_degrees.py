@@ -62,6 +62,18 @@ def simulated(folder: Path, *options: str) -> Path:
     return data
 
 
+def test_lines_of_straightness_slope_to_both_sides(tmp_path: Path) -> None:
+    """They lie off their axes by up to 0.5 mm/m: of a machine without errors that is all that is read."""
+    options = ("--errors", "none", "--noise-scale", "0", "--runs", "4")
+    measurement = read_measurement(simulated(tmp_path, *options), CFRAME)
+    slopes = [
+        np.polyfit(measurement.axis_position[rows], measurement.observed[rows, 0], 1)[0]
+        for rows in (measurement.groups == group for group in np.unique(measurement.groups[measurement.straightness]))
+    ]
+    assert max(map(abs, slopes)) <= 5.0e-4
+    assert min(max(slopes), -min(slopes)) > 3e-4
+
+
 def curves(path: Path, x: Array) -> dict[str, Array]:
     """Error motions of X by component, um and urad, at positions `(n,)`."""
     q = np.tile([axis.home for axis in CFRAME.axes], (len(x), 1)).astype(float)

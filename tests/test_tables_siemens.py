@@ -8,8 +8,9 @@ from support.programs import load, model_of
 from support.table_cases import motions
 from support.tiers import quick
 
+import ncomp
 from kinematics.basis import Legendre
-from kinematics.effects import CrossAxis, ErrorMotion
+from kinematics.effects import CrossAxis, Cyclic, ErrorMotion
 from kinematics.error_model.model import write_model
 from kinematics.state import State
 from kinematics.user_error import UserError
@@ -102,6 +103,41 @@ BROKEN = {
 def test_broken_tables_are_refused(text, said):
     with pytest.raises(UserError, match=said.replace("[", "\\[")):
         errors_of("siemens-eec", text, "error", [[0, 0, 0]])
+
+
+def turning(end=360.0, last="0.0"):
+    """The table of an axis that turns without end, with 0.002 degrees at 90."""
+    points = ["0.0", "0.002", "0.0", "-0.002", last]
+    return "\n".join(
+        ["CHANDATA(1)", *(f"$AA_ENC_COMP[0,{k},C1]={point}" for k, point in enumerate(points)),
+         f"$AA_ENC_COMP_STEP[0,C1]={end / 4}", "$AA_ENC_COMP_MIN[0,C1]=0.0", f"$AA_ENC_COMP_MAX[0,C1]={end}",
+         "$AA_ENC_COMP_IS_MODULO[0,C1]=1", "M17", ""]
+    )  # fmt: skip
+
+
+def test_a_table_of_one_turn_repeats():
+    dmu50 = load("dmu50")
+    tables = FORMATS["siemens-eec"].read_files(dmu50, {"a.ini": turning()}, "error", ["names=C:C1"]).effects
+    at = np.zeros((3, len(dmu50.axes)))
+    at[:, dmu50.index("C")] = np.radians([90.0, 450.0, -90.0])
+    errors = model_of(dmu50, *tables).errors(dmu50, State(at, np.zeros(at.shape)))[:, dmu50.index("C"), 5]
+    assert np.degrees(errors) == pytest.approx([0.002, 0.002, -0.002], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [(turning(3600.0), "a turn of 360"), (turning(last="0.001"), "must be equal")]
+)
+def test_a_table_that_does_not_repeat_is_refused(text, said):
+    with pytest.raises(UserError, match=said):
+        FORMATS["siemens-eec"].read_files(load("dmu50"), {"a.ini": text}, "error", ["names=C:C1"])
+
+
+def test_a_table_of_one_turn_is_exported_closed():
+    dmu50 = load("dmu50")
+    exported = ncomp.export(dmu50, "siemens-eec", model_of(dmu50, Cyclic("C", "C", 360.0, (100.0,), (0.0,))))
+    (curve,) = (term.factors[0] for term in exported.content.terms)
+    assert curve.values[0] == curve.values[-1]
+    assert np.radians(np.ptp(curve.values)) == pytest.approx(200e-6, rel=0.02)
 
 
 def sagging(size=60.0):

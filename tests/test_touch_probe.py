@@ -308,13 +308,16 @@ def test_a_turned_spindle_shows_the_runout_of_the_tip():
     assert not calibrate(of_turned_spindle(0.0), basis="legendre:1", hold_out=False).findings
 
 
-def test_the_angle_of_the_spindle_is_read_as_written(tmp_path):
+@pytest.mark.parametrize(
+    ("angle", "turned"), [(180.0, (-0.015, 0.002)), (90.0, (0.002, 0.015)), (-90.0, (-0.002, -0.015))]
+)
+def test_the_angle_of_the_spindle_is_read_as_written(angle, turned, tmp_path):
     one, _ = probed("dmu50", 4)
-    tip = Target((-0.015, 0.002, -150.0), spindle_deg=180.0)
+    tip = Target((*turned, -150.0), spindle_deg=angle)
     with (tmp_path / "data.csv").open("wb") as file:
         write_measurement(replace(one, targets={PROBE: tip}), file)
     text = (tmp_path / "data.csv").read_text()
-    assert "# probe: 0.015 -0.002 -150.0\n# spindle_deg: 180.0\n" in text
+    assert f"# probe: 0.015 -0.002 -150.0\n# spindle_deg: {angle}\n" in text
     assert read_measurement(tmp_path / "data.csv", DMU50).targets == {PROBE: tip}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+NO_TILTS = "the step of tilts, which this format does not have"
 ARGUED: dict[tuple[str, str, str, str], str] = {
     (
         "kinematics/inverse.py",
@@ -15,8 +16,7 @@ ARGUED: dict[tuple[str, str, str, str], str] = {
     ("postproc/motion/segments.py", "_of_whole_moves", "begin + end", "begin - end"): (
         "only whether the sum is finite is asked"
     ),
-    ("postproc/control_data/formats/fanuc_kinematics.py", "", "1e-09", "1e-08"): (
-        "the step of tilts, which this format does not have"
-    ),
+    ("postproc/control_data/formats/fanuc_kinematics.py", "", "1e-09", "1e-08"): NO_TILTS,
+    ("postproc/control_data/formats/linuxcnc_kinematics.py", "", "1e-09", "1e-08"): NO_TILTS,
 }
 """Reason by file, function, code before and code after."""

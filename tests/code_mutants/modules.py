@@ -39,7 +39,7 @@ MODULES: dict[str, tuple[str, ...]] = {
 TESTS = (
     "transforms turn forward_thesis inverse conventions basis second_differences error_transform compensate datum "
     "outside significance conditions pipeline location_errors run_zeros predict predict_arrays "
-    "reported_corrections direction direction_klartext play block_numbers writer numbers hand_texts "
+    "reported_corrections simulate circles_of_arcs direction direction_klartext play block_numbers writer numbers hand_texts "
     "hand_positions cycles klartext_arcs klartext_polar klartext_planes siemens_circles siemens_moves siemens "
     "rotary_feed rotary_words plain_lines height_maps tcp tool_vectors turns_of_arcs turned_frames iso heidenhain "
     "frames three_dialects set_up tables_golden units_of_controls tables_siemens export tables_nodes tables_waves "
