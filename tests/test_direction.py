@@ -116,6 +116,28 @@ def test_an_arc_says_again_that_it_is_one():
     ]
 
 
+AT_A_TURNING_POINT = {
+    "rightmost, clockwise": (
+        "G1 X130\nG2 X120 Y100 I-10\n",
+        ["G1 X130.0100", "G1 X129.9900 Y109.9800 (NCOMP TAKE-UP)", "G2 X119.9900 Y99.9800 I-10"],
+    ),
+    "rightmost, counterclockwise": (
+        "G1 X130\nG3 X120 Y120 I-10\n",
+        ["G1 X130.0100", "G1 X129.9900 (NCOMP TAKE-UP)", "G3 X119.9900 Y120.0200 I-10"],
+    ),
+    "leftmost": (
+        "G1 X80\nG2 X90 Y120 I10\n",
+        ["G1 X109.9900 (NCOMP TAKE-UP)", "G1 X79.9900", "G1 X80.0100 (NCOMP TAKE-UP)", "G2 X90.0100 Y120.0200 I10"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", AT_A_TURNING_POINT)
+def test_an_arc_that_begins_where_an_axis_turns(case):
+    text, expected = AT_A_TURNING_POINT[case]
+    assert written(text) == expected
+
+
 def test_each_arc_piece_keeps_its_time():
     """G93: the pieces together take as long as the arc did."""
     lines = written("G1 X120\nG93 G2 X130 I5 F4\n")

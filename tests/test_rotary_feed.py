@@ -61,6 +61,21 @@ def test_inverse_time_keeps_the_time(corrected, name, text):
     assert verified["anywhere_um"]["after"] == pytest.approx(done["predicted_error_um"]["anywhere"]["after"], abs=0.05)
 
 
+def test_a_program_that_begins_with_it_is_left_there_with_the_reason(command):
+    """The program has not placed X, Y and Z, which would have to move with C."""
+    Path("part.nc").write_text("G21 G90 G17 G94\nT1 M6\nG54\nG1 C150. F500\nG1 X14. Y2. Z30.\nG1 C20.\nM30\n")
+    options = ("-m", "dmu50", *OPTIONS, "--rotary-feed", "inverse-time", "-o", "out.nc", "--json", "done.json")
+    done = command("part.nc", *options)
+    assert done.status == 0, done.err
+    lines = Path("out.nc").read_text().splitlines()
+    assert lines[4] == "G1 C150. F500"
+    assert re.match(r"G1 X1\d\.\d+ Y\d\.\d+ Z[23]\d\.\d+$", lines[5])
+    assert lines[6].startswith("G93 ")
+    assert sum(1.0 / words["F"] for words in positions(lines[6:])) == pytest.approx(130.0 / 500.0, rel=1e-5)
+    notes = json.loads(Path("done.json").read_text())["notes"]
+    assert any("has not given X Y Z in this frame (line 4)" in note for note in notes)
+
+
 def test_f_stands_behind_the_brackets_of_a_word(corrected):
     text = SIEMENS.replace("\nC150\n", "\nC=DC(150)\n")
     lines, _, _ = corrected(text, "--rotary-feed", "inverse-time", name="part.mpf")

@@ -28,6 +28,21 @@ LEFT = {
 """Share of the error in X, Y and Z that each leaves at most: of skew, scales and a bow of the bed."""
 
 
+def test_linuxcnc_takes_positions_or_corrections_of_both_ways():
+    """COMP_FILE_TYPE 0 has the positions that the machine reaches, 1 what is taken off."""
+    machine = load("gantry")
+    model = model_of(machine, Backlash("X", 20.0), ErrorMotion("X", "X", Polynomial((0.0, 2000.0), 1), (5.0, 30.0)))
+    reached, corrected = (
+        np.loadtxt(
+            ncomp.export(machine, "linuxcnc", model, settings=(f"type={kind}",)).files["comp_x.txt"].splitlines()
+        )
+        for kind in (0, 1)
+    )
+    assert np.ptp(corrected[:, 1] - corrected[:, 2]) == pytest.approx(0.0, abs=2e-6)
+    assert abs(corrected[0, 1] - corrected[0, 2]) == pytest.approx(0.02, abs=2e-6)
+    np.testing.assert_allclose(reached[:, [1, 2]], reached[:, [0]] - corrected[:, [1, 2]], atol=2e-6)
+
+
 def rms(errors):
     return np.sqrt(np.mean(errors**2, axis=0))
 
