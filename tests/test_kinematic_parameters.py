@@ -269,6 +269,14 @@ def test_a_linear_axis_under_the_table_is_refused():
             form.freedoms(odd, form.settings())
 
 
+@pytest.mark.parametrize(("travel", "turn"), [((-30.0, 120.0), 90), ((-120.0, 30.0), -90), ((-200.0, 200.0), 180)])
+def test_the_probe_turns_within_the_travel(travel, turn):
+    machine, form = load("dmu50"), FORMATS["siemens-trafo5"]
+    axes = (dataclasses.replace(axis, travel=travel) if axis.name == "B" else axis for axis in machine.axes)
+    files = probe(dataclasses.replace(machine, axes=tuple(axes)), "B", form, form.settings())
+    assert f"Turn B by {turn} degrees" in files["probe.md"].replace("\n", " ")
+
+
 @every_case
 def test_the_probe_shows_the_stated_shift(form, name):
     """A ball on the table, an indicator in the spindle, half or quarter of a turn: by the virtual control."""

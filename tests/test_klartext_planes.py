@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from support.klartext_run import HEAD, TOOLS, Run, tips
 from support.programs import WHOLE, load, random_model, setup_of, source_of
 
+import ncomp
 from kinematics.forward import forward
 from kinematics.user_error import UserError
 from postproc.compensation.correction import pose_errors
@@ -238,3 +239,9 @@ def test_lines_of_a_datum_table(tmp_path):
     assert motions.machine_target[0].tolist() == pytest.approx([35.4, 70.8, 5.0])
     with pytest.raises(UserError, match="datum #4 is in no datum table"):
         read_motions(source_of(text, "t.h"), KLARTEXT, machine, make_setup(machine, zero=True))
+
+
+def test_a_flat_plane_needs_no_position_of_the_rotary_axes():
+    """Both solutions are one, so the control has no choice between them."""
+    text = "BEGIN PGM A MM\nTOOL CALL 1 Z S1\nPLANE SPATIAL SPA+0 SPB+0 SPC+0 STAY\nL X+10 Y+5 Z+30 R0 FMAX\nM30\nEND PGM A MM\n"
+    assert ncomp.correct(text, "dmu50", "none", dialect="heidenhain").text == text

@@ -457,3 +457,10 @@ def test_the_uncertainty_of_a_straightness_grows_with_the_distance(tmp_path):
     measured = read_measurement(path, machines.load("cframe"))
     found = np.sqrt(measured.instrument.row_covariances(measured)[:, 0, 0])
     assert sorted(found) == pytest.approx([0.3e-3, 0.3e-3, 0.5e-3, 0.9e-3])
+
+
+def test_the_uncertainty_of_a_tracker_by_hand():
+    """4 m away along Y: 2 um and 1 um/m along the beam, 10 um and 3 um/m across it."""
+    tracker = LaserTracker(u_range_um=2.0, u_range_um_per_m=1.0, u_angle_um=10.0, u_angle_um_per_m=3.0)
+    (found,) = tracker.covariance(np.array([[0.0, 4000.0, 0.0]]))
+    np.testing.assert_allclose(found * 1e6, np.diag([22.0, 6.0, 22.0]) ** 2, atol=1e-9)
