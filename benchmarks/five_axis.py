@@ -16,8 +16,7 @@ import numpy as np
 
 import machines
 from calibration.fit.calibrate import Calibration, calibrate
-from calibration.fit.datum import to_datum
-from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.datum import split_locations, to_datum, transformed
 from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices

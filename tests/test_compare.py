@@ -12,8 +12,7 @@ from support.tiers import quick
 from support.virtual_measurements import truth
 
 import machines
-from calibration.fit.datum import gauge, to_datum
-from calibration.fit.location_errors import transformed
+from calibration.fit.datum import gauge, to_datum, transformed
 from calibration.observation.full_model import priors
 from kinematics.basis import Harmonics, Legendre, Polynomial
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift, Wobble

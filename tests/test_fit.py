@@ -14,11 +14,10 @@ from calibration.fit import cross_validation
 from calibration.fit.bases.selection import choose
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
-from calibration.fit.datum import gauge, null_space, to_datum
+from calibration.fit.datum import gauge, null_space, split_locations, to_datum, transformed
 from calibration.fit.fit import _shares, fit
 from calibration.fit.identifiability import identifiability
 from calibration.fit.linear import effective_parameters, singular_values
-from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.problem import Problem
 from calibration.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves

@@ -15,7 +15,8 @@ import pytest
 from support.tiers import quick
 
 import machines
-from calibration.observation.mean_lines import about_own_points, centred
+from calibration.fit.datum import about_own_points
+from calibration.observation.mean_lines import centred
 from kinematics.basis import BSpline, Legendre
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.model import no_errors

@@ -13,8 +13,8 @@ from support.tiers import drawn
 
 import machines
 from calibration.instruments import Interferometer, LaserTracker, Part
-from calibration.measurement.file import read_measurement
-from calibration.measurement.measurement import Measurement, Target, in_space, with_moves
+from calibration.measurement.file import in_space, read_measurement
+from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.written_file import write_measurement
 from kinematics.forward import tool_point
 from kinematics.state import State

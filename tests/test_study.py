@@ -25,9 +25,9 @@ from calibration.evaluation.volumetric import deviation_on, volumetric_error_um
 from calibration.fit.bases.search import Choice
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
+from calibration.fit.datum import about_own_points
 from calibration.fit.fit import fit
 from calibration.observation.full_model import parse_basis, with_effects
-from calibration.observation.mean_lines import about_own_points
 from calibration.simulation.true_model import TABLE_1
 from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import SIZE, Chunk, Prepared

@@ -17,8 +17,8 @@ from calibration.fit.bases.selection import LinearEvidence, choose, coarse_fit
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.fit.fit import fit
+from calibration.fit.set_up.drift import repeat_findings
 from calibration.fit.set_up.moved_spheres import moved_spheres
-from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.instruments import TouchProbe
 from calibration.instruments.distances import distance_design, distance_residuals
 from calibration.instruments.touch_probe import TIP as PROBE

@@ -21,7 +21,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import axis_effects, least_priors, parse_basis, priors
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 IDENTIFIABLE = 1e-10
@@ -101,7 +101,7 @@ def model_of(measurement: Measurement, parts: Sequence[Part], other_effects: Seq
     effects: list[Effect] = []
     for axis, basis in parts:
         effects += other_effects if axis == OTHER_EFFECTS else axis_effects(measurement, axis, parse_basis(basis))
-    return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+    return msgspec.structs.replace(measurement.nominal_model, effects=tuple(effects))
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def diagnose(
     checking, searching, concluding = (numbered(progress, number, STEPS) for number in range(1, STEPS + 1))
     checking("checking the data")
     measurement, findings, _ = checked_data(measurement, misplaced=False)
-    measurement = measurement.rows(np.flatnonzero(~measurement.copies))
+    measurement = measurement.without_copies
     given = None
     if calibration is not None:
         given, further = _of_other_data(calibration, measurement)

@@ -16,10 +16,9 @@ import msgspec
 import numpy as np
 
 from calibration.evaluation.volumetric import rigid_columns
+from calibration.fit.datum import line_at_centre, split_locations
 from calibration.fit.linear import column_space
-from calibration.fit.location_errors import split_locations
 from calibration.measurement.measurement import Measurement
-from calibration.observation.mean_lines import line_at_centre
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Effect, Scale
 from kinematics.effects.base import own_component, own_motion

@@ -22,9 +22,9 @@ from calibration.fit.acceptance import (
 from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.curves.between_positions import BetweenPositions
+from calibration.fit.datum import model_in_datum
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
-from calibration.fit.location_errors import model_in_datum
 from calibration.fit.omitted_waves import OmittedWaves, with_curves_and_waves
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
@@ -174,12 +174,22 @@ def _model_of(
     Where drift and machine may be exchanged, its uncertainty contains the difference of both explanations. chosen: the
     evidence has selected the bases.
     """
-    curved, between, waves = with_curves_and_waves(drift.fit, chosen=chosen)
-    written = drift.left_out(_written(curved, valid_days))
+    found, between, waves = _without_drift(drift, chosen=chosen)
     if drift.other is not None:
-        other = drift.other.left_out(in_datum(with_curves_and_waves(drift.other.fit, chosen=chosen)[0]))
-        written = with_other(written, other, 1.0 - drift.probability)
-    return written, between, waves
+        other, _, _ = _without_drift(drift.other, chosen=chosen)
+        found = with_other(found, other, 1.0 - drift.probability)
+    fitted = drift.fit
+    source = f"fit of {fitted.observations} observations, chi2/dof {fitted.chi2_reduced:.3g}"
+    made = provenance([fitted.measurement], found.effects, source, valid_days)
+    return msgspec.structs.replace(found, provenance=made), between, waves
+
+
+def _without_drift(
+    drift: Drift, *, chosen: bool
+) -> tuple[ErrorModel, tuple[BetweenPositions, ...], OmittedWaves | None]:
+    """The model in the datum without the drift that was fitted beside it; the others as in `_model_of`."""
+    curved, between, waves = with_curves_and_waves(drift.fit, chosen=chosen)
+    return drift.left_out(in_datum(curved)), between, waves
 
 
 def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:
@@ -234,14 +244,6 @@ def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
 def in_datum(found: Fit) -> ErrorModel:
     """The fitted model in the datum, with its location errors."""
     return model_in_datum(found.model, found.measurement, found.prior)
-
-
-def _written(found: Fit, valid_days: float | None) -> ErrorModel:
-    """The fitted model in the datum, with its location errors and its provenance."""
-    source = f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}"
-    model = in_datum(found)
-    made = provenance([found.measurement], model.effects, source, valid_days)
-    return msgspec.structs.replace(model, provenance=made)
 
 
 def provenance(

@@ -1,4 +1,4 @@
-"""The datum: conventions, not priors, fix the directions of the parameters that no measurement can show.
+"""The datum: conventions, not priors, fix directions that no measurement shows; and the location errors in it.
 
 A rigid motion of the whole workpiece frame, and constants that can belong to either of two axes, have no effect on a
 workpiece (once it is clamped and probed). Such directions of the parameters, the gauge, follow from the normal
@@ -13,11 +13,16 @@ moved (S-transformation of geodesy) until
 
 as nearly as the gauge allows. The translations of a linear axis are taken at the centre of the measured points, so that
 the datum does not depend on the origin of the frame. The uncertainties are then relative to this datum.
+
+Location errors are the mean lines of the axes, by ISO 230-1: the mean of the error motions of a rotary axis across its
+line is the location error of its axis average line, the slope of a straightness at the centre of the measured points
+the orientation of a linear axis. Both become separate effects, with their covariance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -26,10 +31,12 @@ from calibration.fit.linear import pseudo_inverse, singular_values
 from calibration.fit.problem import Problem, Solved
 from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.observation.mean_lines import AT_ORIGIN, line_at_centre
+from calibration.observation.mean_lines import Line, mean_line
 from calibration.registration.registration import Registration
-from kinematics.effects import Effect, ErrorMotion
-from kinematics.effects.base import own_component
+from kinematics.basis import Basis
+from kinematics.effects import COMPONENTS, CentredMotion, Component, Effect, ErrorMotion, LocationError
+from kinematics.effects.base import UM, URAD, own_component
+from kinematics.error_model.covariance import propagated
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -51,6 +58,23 @@ NULL = 1e-9
 """Eigenvalues below this share of the largest count as zero."""
 GAUGE = 1e-2
 """Largest information of the ideal measurement, to 1 um, on the gauge, with parameters in units of their priors."""
+AT_ORIGIN: Mapping[str, Array] = {}
+"""The arms of points at the origin of the frame, about which the error motions of every linear axis are written."""
+ALIGNED = 1e-9
+"""Largest deviation of a unit vector's component from 1 for an axis along a direction of the machine's frame."""
+IN_SPAN = 1e-9
+"""Largest relative misfit of a line that a basis represents."""
+
+
+def model_in_datum(model: ErrorModel, measurement: Measurement, prior: Array) -> ErrorModel:
+    """A model that was fitted to a measurement, in the datum, with its location errors.
+
+    prior `(p,)`: prior sizes of its parameters, in their units.
+    """
+    machine, arms = measurement.machine, measurement.arms
+    moved = transformed(model, model.effects, to_datum(machine, model, prior, arms))
+    moved = transformed(moved, *about_own_points(moved))
+    return transformed(moved, *split_locations(machine, moved, arms))
 
 
 def null_space(information: Array) -> Array:
@@ -198,3 +222,114 @@ def _ends(machine: Machine, effects: tuple[Effect, ...]) -> Array:
             i = machine.index(axis)
             ends[:, i] = np.array(interval) * machine.scale[i]
     return ends
+
+
+def split_locations(
+    machine: Machine, model: ErrorModel, arms: Mapping[str, Array] = AT_ORIGIN
+) -> tuple[tuple[Effect, ...], Array]:
+    """Effects with the location errors, still zero, in front; and the matrix `(q, p)` from old to new parameters.
+
+    Linear axes that do not lie along x, y or z keep their slopes. arms: those of the measured points, as `arms_of`.
+    """
+    matrix = np.eye(len(model.parameters))
+    found: list[LocationError] = []
+    rows: list[Array] = []
+    for effect, part in model.error_motions:
+        located = None if effect.name in DATUM_SLOPES else _location(machine, model, effect, arms)
+        if located is None:
+            continue
+        location, row, function = located
+        matrix[part] -= np.outer(function, row)
+        found.append(location)
+        rows.append(row)
+    return (*found, *model.effects), np.concatenate([np.array(rows).reshape(-1, matrix.shape[1]), matrix])
+
+
+def transformed(model: ErrorModel, effects: tuple[Effect, ...], matrix: Array) -> ErrorModel:
+    """The model with these effects, whose parameters are `matrix` times the old ones, and their covariance."""
+    moved = msgspec.structs.replace(model, effects=effects)
+    return moved.with_parameters(matrix @ model.parameters, propagated(matrix, np.array(model.covariance)))
+
+
+def _location(
+    machine: Machine, model: ErrorModel, effect: ErrorMotion, arms: Mapping[str, Array]
+) -> tuple[LocationError, Array, Array] | None:
+    """Location error in an error motion, its value as a function `(p,)` of all parameters, and `(size,)` of one unit.
+
+    None where there is none, or the basis cannot represent it.
+    """
+    axis, line = machine.axes[machine.index(effect.axis)], line_at_centre(model, effect, arms)
+    if axis.rotary:
+        if effect.component in along_own_line(effect.axis):
+            return None
+        component, value, coefficients = effect.component, line.mean, _written(effect, np.ones_like)
+    else:
+        if effect.angular:
+            return None
+        # the line deviates from d by angle x d per mm, so that angle = d x slope; 1 um per mm is 1000 urad
+        along = axis.error_frame.T @ axis.unit_direction
+        turn = np.cross(along, np.eye(3)["XYZ".index(effect.component)])
+        k = int(np.argmax(np.abs(turn)))
+        if abs(abs(turn[k]) - 1.0) > ALIGNED:
+            return None
+        component, value = get_args(Component)[3 + k], turn[k] * line.slope * 1e3
+        coefficients = _written(effect, lambda x: turn[k] * x * 1e-3)
+    return None if coefficients is None else (LocationError(component, effect.axis, 0.0), value, coefficients)
+
+
+def _written(effect: ErrorMotion, function: Callable[[Array], Array]) -> Array | None:
+    """Parameters `(size,)` of a function of position; None when the basis cannot represent it."""
+    x = np.linspace(*effect.basis.interval, 801)
+    columns, values = effect.basis.columns(x), function(x)
+    parameters, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    misfit = np.abs(columns @ parameters - values).max()
+    return np.asarray(parameters) if misfit < IN_SPAN * np.abs(values).max() else None
+
+
+def about_own_points(model: ErrorModel) -> tuple[tuple[Effect, ...], Array]:
+    """The effects of a model with all angular error motions about the axes' own points, and the matrix `(p, p)`.
+
+    It takes the parameters of the model to those of these effects.
+    """
+    matrix = np.eye(len(model.parameters))
+    effects = list(model.effects)
+    parts = list(zip(model.effects, model.slices, strict=True))
+    motions = model.error_motions
+    for i, (turn, rows) in enumerate(parts):
+        if isinstance(turn, CentredMotion):
+            effects[i] = turn.at_own_point()
+            for letter, arm in zip(COMPONENTS[:3], turn.shift * URAD / UM, strict=True):
+                own = [(each, part) for each, part in motions if each.name == f"E_{letter}{turn.axis}"]
+                # a diagnosis may have refined one error motion of the axis
+                shift, part = max(own, key=lambda one: (one[0].basis == turn.basis, one[0].basis.size))
+                matrix[part, rows] += arm * _written_in(shift.basis, turn.basis)
+    return tuple(effects), matrix
+
+
+def _written_in(basis: Basis, other: Basis) -> Array:
+    """Matrix `(q, p)` from the parameters of a function in another basis to those of the nearest one in a basis."""
+    if basis == other:
+        return np.eye(basis.size)
+    x = np.linspace(*other.interval, 801)
+    return np.asarray(np.linalg.lstsq(basis.columns(x), other.columns(x), rcond=None)[0])
+
+
+def line_at_centre(model: ErrorModel, motion: ErrorMotion, arms: Mapping[str, Array]) -> Line:
+    """Mean line of a translation of a linear axis at the centre of the measured points, by all parameters `(p,)`.
+
+    Of any other error motion: its own mean line. arms: as `arms_of`.
+    """
+    found = Line(np.zeros(len(model.parameters)), np.zeros(len(model.parameters)))
+    own = np.zeros((3, 3)) if motion.angular else arms.get(motion.axis, np.zeros((3, 3)))
+    direction = COMPONENTS.index(motion.component) % 3
+    for effect, part in model.error_motions:
+        if effect.axis == motion.axis:
+            weight = 1.0 if effect is motion else 0.0
+            if effect.angular and not motion.angular:
+                moved = own[direction, COMPONENTS.index(effect.component) % 3]
+                moved += effect.shift[direction]
+                weight = moved * URAD / UM
+            mean, slope = mean_line(effect.basis)
+            found.mean[part] += weight * mean
+            found.slope[part] += weight * slope
+    return found

@@ -259,7 +259,7 @@ def _of_all_rows(
         solved = problem.solve(point, weights, factor)
         point = problem.moved(point, solved.step)
         if variance == "estimate":
-            factor = max(_estimated(problem, point, kept, solved), least)
+            factor = max(problem.variance_factor(point, kept, solved), least)
         stay = bool(left_out.suspected.any())
         again = _left_out(problem, point, solved.effective_parameters, least, stay=stay)
         # a fit of all rows hides some of those that disagree
@@ -349,13 +349,6 @@ def _weights(problem: Problem, point: Point, effective_parameters: float, least:
     some = ~left_out.rows
     factor = robust_factor(distances[some], components, effective_parameters, least, problem.stop[some])
     return huber_weights(distances, components, factor)
-
-
-def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:
-    """Variance factor at which chi2 equals its expectation."""
-    chi2 = problem.squares(point, kept.astype(float))
-    scalars = int(np.count_nonzero(kept)) * problem.measurement.components
-    return chi2 / max(scalars - solved.effective_parameters, 1.0)
 
 
 def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:

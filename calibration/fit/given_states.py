@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from calibration.measurement.in_motion import velocities
 from calibration.measurement.measurement import with_moves
-from calibration.measurement.velocity import velocities
 from kinematics.machine import Machine
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array

@@ -163,6 +163,11 @@ class Problem:
         decorrelation = decorrelation or self.decorrelation(weights)
         return float(np.sum(decorrelation.apply(self.whitened(point.residual) * np.sqrt(weights)[:, None]) ** 2))
 
+    def variance_factor(self, point: Point, kept: np.ndarray, solved: Solved) -> float:
+        """Variance factor at which chi2 of the kept rows equals its expectation."""
+        scalars = int(np.count_nonzero(kept)) * self.measurement.components
+        return self.squares(point, kept.astype(float)) / max(scalars - solved.effective_parameters, 1.0)
+
     def moved(self, point: Point, step: Array) -> Point:
         """The point after a step; a parameter that would cross its bound goes half-way to it instead."""
         size = point.registered

@@ -34,7 +34,7 @@ from calibration.fit.omitted_waves import OmittedWaves, left_out
 from calibration.fit.problem import FIXED, Problem
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.distances import distance_findings
-from calibration.fit.set_up.repeated_centres import repeat_findings
+from calibration.fit.set_up.drift import repeat_findings
 from calibration.fit.set_up.rows_and_noise import noise_findings, outlier_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions

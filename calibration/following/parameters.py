@@ -17,7 +17,6 @@ from calibration.registration.observed_points import derivatives_by_errors
 from kinematics.effects import DriftWithSensor, Effect, GrowthWithSensor, LocationJump, Scale, ToolShift
 from kinematics.effects.base import UM, own_component
 from kinematics.effects.combined.thermal import DistortionWithSensor
-from kinematics.error_model.model import no_errors
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 
@@ -63,7 +62,7 @@ def touches_of(measurement: Measurement) -> Touches:
         values[places == place] -= np.median(values[places == place], axis=0)
     covariances = measurement.instrument.row_covariances(measurement) / UM**2
     effects, typical = zip(*_candidates(measurement.machine), strict=True)
-    model = msgspec.structs.replace(no_errors(measurement.machine), effects=effects)
+    model = msgspec.structs.replace(measurement.nominal_model, effects=effects)
     transform = derivatives_by_errors(measurement, measurement.tool)
     jacobian = model.design(measurement.machine, measurement.state, transform) / UM
     first = np.unique(places, return_index=True)[1]

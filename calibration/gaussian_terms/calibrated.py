@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from calibration.fit.location_errors import model_in_datum
+from calibration.fit.datum import model_in_datum
 from calibration.gaussian_terms.given.merged import merged
 from calibration.gaussian_terms.structure import Structure
 from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 
@@ -45,7 +45,7 @@ def machine_model(
     other, in their units. given: a calibration whose effects are the first ones, and keep their datum; the others
     become part of them where these contain them.
     """
-    whole = msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+    whole = msgspec.structs.replace(measurement.nominal_model, effects=tuple(effects))
     whole = whole.with_parameters(parameters, covariance)
     machine = whole.part(lambda effect: effect.ACTS_ON != "instrument")
     if given is not None:

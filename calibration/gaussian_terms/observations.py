@@ -19,7 +19,7 @@ from calibration.registration.registration import Registration
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.effects.base import own_component
 from kinematics.error_model.effect_sums import Design
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.model import ErrorModel
 from kinematics.error_model.priors import Priors
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -68,7 +68,7 @@ class Observations:
         machine.
         """
         measurement, counts = with_short_stops(measurement)
-        relative = no_errors(measurement.machine) if given is None else given
+        relative = measurement.nominal_model if given is None else given
         model = relative if about is None else about
         registration = registered(measurement, model)
         instrument = measurement.instrument

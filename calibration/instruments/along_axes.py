@@ -7,15 +7,15 @@ Values are exact; derivatives are those at nominal positions, first order in the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from calibration.instruments.base import InstrumentBase
+from calibration.instruments.base import ErrorsShown, InstrumentBase
 from calibration.registration.derived import derived
 from calibration.registration.registration import Registration
 from kinematics.deviation import exact_deviation
-from kinematics.effects.base import COMPONENTS, UM, URAD
+from kinematics.effects.base import COMPONENTS, UM, URAD, Component, own_component
 from kinematics.error_transform import error_transform_with_tool, pose_slopes
 from kinematics.forward import axis_frames
 from kinematics.transforms import Array, turn
@@ -37,6 +37,10 @@ class AlongAxes(InstrumentBase, frozen=True):
     OBSERVES = "deviation"
     FOLLOWED_UP = True
     REQUIRED = ("axis", "run", "direction")
+
+    def errors_shown(self, measurement: Measurement, axis: str) -> ErrorsShown:
+        """The error motions that were observed, and the backlash."""
+        return ErrorsShown(observed_components(measurement, axis), backlash=True)
 
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
         """See `InstrumentBase.first_registration`."""
@@ -98,6 +102,14 @@ class AlongAxes(InstrumentBase, frozen=True):
         assert measurement.axis is not None
         own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
         return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
+
+
+def observed_components(measurement: Measurement, axis: str) -> list[Component]:
+    """Error motions of an axis that an interferometer observes."""
+    rows = np.equal(np.asarray(measurement.axis), axis)
+    named = np.full(len(measurement), "") if measurement.component is None else measurement.component
+    letters = {letter or own_component(axis) for letter in np.unique(named[rows]).tolist()}
+    return [component for component in get_args(Component) if component in letters]
 
 
 @derived

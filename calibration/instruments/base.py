@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import msgspec
 import numpy as np
@@ -27,6 +27,13 @@ if TYPE_CHECKING:
     from calibration.registration.registration import Registration
     from kinematics.error_model.model import Observation
     from kinematics.transforms import Pose
+
+
+class ErrorsShown(NamedTuple):
+    """Errors of an axis that observations may show."""
+
+    motions: Sequence[Component]
+    backlash: bool = False
 
 
 class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
@@ -191,13 +198,9 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
         """True where that length is not calibrated: only the fit determines it."""
         return False
 
-    def motions_shown(self, measurement: Measurement, axis: str) -> Sequence[Component]:
-        """Error motions of an axis that its observations may show."""
-        return get_args(Component)
-
-    def shows_backlash(self, measurement: Measurement, axis: str) -> bool:
-        """True where its observations show the backlash of an axis."""
-        return self.OBSERVES == "deviation"
+    def errors_shown(self, measurement: Measurement, axis: str) -> ErrorsShown:
+        """Errors of an axis that its observations may show."""
+        return ErrorsShown(get_args(Component))
 
     @abstractmethod
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibration.instruments import KINDS, Instrument
-from calibration.measurement.measurement import Measurement, in_space
+from calibration.measurement.measurement import Measurement
 from calibration.measurement.measuring_date import MEASURED, measuring_date, measuring_start
 from calibration.measurement.states import (
     MeasurementStates,
@@ -135,3 +135,13 @@ def _scatter(table: Table) -> Array | None:
     if np.any(column > LARGEST_U):
         table.fault(int(np.argmax(column > LARGEST_U)), "scatter_um", f"more than {LARGEST_U:g}, and no uncertainty")
     return column * UM
+
+
+def in_space(observed: Array) -> Array | None:
+    """Observed points `(n, 3)`, mm, of observations `(n, components)`; z = 0 where a part is measured in x and y.
+
+    None for an interferometer, which observes no points.
+    """
+    if observed.shape[1] == 1:
+        return None
+    return np.concatenate([observed, np.zeros((len(observed), 3 - observed.shape[1]))], axis=1)

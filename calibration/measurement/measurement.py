@@ -11,8 +11,10 @@ from typing import Any, Literal
 import numpy as np
 
 from calibration.instruments import Instrument
+from calibration.instruments.base import ErrorsShown
 from calibration.instruments.targets import SPINDLE_NOSE, Carrier, Distance, Target
 from calibration.measurement.estimated_noise import EstimatedNoise, inverse_roots
+from calibration.measurement.in_motion import AcrossPath
 from calibration.registration.derived import unchangeable
 from calibration.registration.first import first_registration
 from calibration.registration.measured_centre import arms_of
@@ -20,6 +22,7 @@ from calibration.registration.observed_points import target_points
 from calibration.registration.registration import Registration
 from kinematics.basis import Interval
 from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE, State, with_moves
 from kinematics.transforms import Array, read_only
@@ -28,7 +31,7 @@ from kinematics.user_error import UserError
 from rendering.shown import Shown
 
 __all__ = ["SPINDLE_NOSE", "STANDSTILL", "AcrossPath", "Carrier", "Distance", "Measurement", "Target"]
-__all__ += ["changed", "in_space", "with_moves"]
+__all__ += ["changed", "with_moves"]
 
 STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
@@ -36,30 +39,6 @@ SAME_MM, SAME_DEG = 1e-3, 1e-4
 """Differences within which axis positions are the same."""
 STILL = 1e-9
 """Difference, mm or rad, below which an axis has not moved."""
-
-
-@dataclass(frozen=True)
-class AcrossPath:
-    """Observations in motion: only components across the path count, and each row is the mean of several readings."""
-
-    directions: Array
-    """Directions `(n, 2, 3)`, orthonormal and perpendicular to the path, in the instrument's frame."""
-    readings: Array
-    """Number of independent readings in the mean of each row `(n,)`."""
-    ends: Array
-    """Smallest and largest axis positions of the path `(2, axes)`, mm and rad."""
-    distances: Array
-    """Distance along the path `(n,)`, mm."""
-
-    def rows(self, index: slice | np.ndarray) -> AcrossPath:
-        """Some of the rows; the path stays the same."""
-        return AcrossPath(self.directions[index], self.readings[index], self.ends, self.distances[index])
-
-    def of(self, vectors: Array) -> Array:
-        """Components across the path `(n, 2, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
-        if vectors.ndim == 2:
-            return np.asarray((self.directions @ vectors[:, :, None])[:, :, 0])
-        return np.asarray(self.directions @ vectors)
 
 
 @dataclass(frozen=True, repr=False)
@@ -212,13 +191,18 @@ class Measurement(Shown):
         return read_only(np.asarray(self.state.positions / same))
 
     @cached_property
+    def moved(self) -> np.ndarray:
+        """True `(n,)` for rows at other positions than the row before."""
+        return read_only(changed(self.positions_in_tolerances))
+
+    @cached_property
     def stops(self) -> np.ndarray:
         """Numbers `(n,)` of the stops, from 0, in the order of the rows.
 
         A stop ends where a position, a direction of approach, the set-up or the run changes; the target may change.
         """
         state = self.state
-        new = changed(self.positions_in_tolerances)
+        new = self.moved.copy()
         if state.approach is not None:  # a stated one: a move of a fraction of SAME_MM has a direction too
             still = np.append(False, np.abs(np.diff(state.positions, axis=0)).max(axis=1, initial=0.0) < STILL)
             new |= still[: len(state)] & changed(2.0 * state.approach)
@@ -289,6 +273,11 @@ class Measurement(Shown):
         """The arms of the centre of the measured points, by linear axis, as `arms_of`."""
         return unchangeable(arms_of(self))
 
+    @cached_property
+    def errors_shown(self) -> Mapping[str, ErrorsShown]:
+        """Errors of each axis that moves which the observations may show."""
+        return {axis: self.instrument.errors_shown(self, axis) for axis in self.moving}
+
     @property
     def specified_covariances(self) -> Array:
         """Covariances `(n, d, d)`, mm2 or rad2, by the instrument's specification; rows in motion are means.
@@ -339,6 +328,16 @@ class Measurement(Shown):
         copy[np.unique(table, axis=0, return_index=True)[1]] = False
         return read_only(copy)
 
+    @cached_property
+    def without_copies(self) -> Measurement:
+        """The measurement without rows that are copies of others."""
+        return self.rows(np.flatnonzero(~self.copies))
+
+    @cached_property
+    def nominal_model(self) -> ErrorModel:
+        """The model of its machine without errors."""
+        return no_errors(self.machine)
+
     def rows(self, index: slice | np.ndarray) -> Measurement:
         """The measurement with some of its rows; approach and last move do not change."""
 
@@ -379,13 +378,3 @@ def changed(values: Array) -> np.ndarray:
     """True `(n,)` for rows in which a value differs from the row before by more than 1, or that are the first."""
     differs = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0) > 1.0
     return np.append(np.ones(min(len(values), 1), bool), differs)
-
-
-def in_space(observed: Array) -> Array | None:
-    """Observed points `(n, 3)`, mm, of observations `(n, components)`; z = 0 where a part is measured in x and y.
-
-    None for an interferometer, which observes no points.
-    """
-    if observed.shape[1] == 1:
-        return None
-    return np.concatenate([observed, np.zeros((len(observed), 3 - observed.shape[1]))], axis=1)

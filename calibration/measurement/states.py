@@ -18,9 +18,9 @@ from calibration.measurement.axis_positions import (
     of_part,
     of_targets,
 )
+from calibration.measurement.in_motion import velocities
 from calibration.measurement.measurement import SPINDLE_NOSE, Carrier, Target
 from calibration.measurement.text_table import Table
-from calibration.measurement.velocity import velocities
 from kinematics.files.number_text import rounded
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import get_args
 
 import msgspec
 import numpy as np
@@ -13,9 +12,9 @@ import numpy as np
 from calibration.measurement.measurement import Measurement
 from calibration.observation.mean_lines import centred, sizes_for_slope
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Interval, Legendre, Polynomial
-from kinematics.effects import Backlash, Component, Effect, ErrorMotion
-from kinematics.effects.base import UM, own_component
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.effects import Backlash, Effect, ErrorMotion
+from kinematics.effects.base import UM
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.turn import gap_of
 from kinematics.user_error import UserError
@@ -101,13 +100,13 @@ def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> E
     effects = [effect for axis in measurement.moving for effect in axis_effects(measurement, axis, bases[axis])]
     if not effects:
         raise UserError(f"{measurement.source}: no axis moves in these data: measure at several positions")
-    return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+    return msgspec.structs.replace(measurement.nominal_model, effects=tuple(effects))
 
 
 def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
     """The fitted effects of one axis that moves: its error motions, and the backlash for an interferometer."""
     motions = axis_motions(measurement, axis, choice)
-    return [*motions, Backlash(axis, 0.0)] if measurement.instrument.shows_backlash(measurement, axis) else [*motions]
+    return [*motions, Backlash(axis, 0.0)] if measurement.errors_shown[axis].backlash else [*motions]
 
 
 def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
@@ -120,13 +119,9 @@ def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> li
     if choice.kind == TARGETS:
         basis = _at_targets(measurement, axis, choice)
     zero = (0.0,) * basis.size
-    if measurement.instrument.OBSERVES == "deviation":
-        return [
-            ErrorMotion(component, axis, basis, zero, u=zero) for component in observed_components(measurement, axis)
-        ]
-    shown = measurement.instrument.motions_shown(measurement, axis)
+    shown = measurement.errors_shown[axis].motions
     motions = [ErrorMotion(component, axis, basis, zero, u=zero) for component in shown]
-    return list(centred(motions, measurement.arms))
+    return list(centred(motions, {} if measurement.axis is not None else measurement.arms))
 
 
 def _at_targets(measurement: Measurement, axis: str, choice: BasisChoice) -> Basis:
@@ -136,14 +131,6 @@ def _at_targets(measurement: Measurement, axis: str, choice: BasisChoice) -> Bas
         found = f"{len(nodes)} targets" if nodes else "no repeated targets"
         raise UserError(f"basis {choice} of {axis}: the runs of an interferometer have {found} of this axis")
     return BSpline(tuple(nodes), 1)
-
-
-def observed_components(measurement: Measurement, axis: str) -> list[Component]:
-    """Error motions of an axis that an interferometer observes."""
-    rows = np.equal(np.asarray(measurement.axis), axis)
-    named = np.full(len(measurement), "") if measurement.component is None else measurement.component
-    letters = {letter or own_component(axis) for letter in np.unique(named[rows]).tolist()}
-    return [component for component in get_args(Component) if component in letters]
 
 
 def with_effects(

@@ -12,16 +12,10 @@ import numpy as np
 
 from kinematics.basis import Basis
 from kinematics.effects import COMPONENTS, CentredMotion, Effect, ErrorMotion
-from kinematics.effects.base import UM, URAD
-from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 SLOPING = 1e-6
 """Part in the slope, as a share of the largest one, from which a parameter counts."""
-
-
-AT_ORIGIN: Mapping[str, Array] = {}
-"""The arms of points at the origin of the frame, about which the error motions of every linear axis are written."""
 
 
 class Line(NamedTuple):
@@ -76,52 +70,3 @@ def point_of(arms: Array) -> tuple[float, float, float]:
     """The point `(3,)`, mm, with these arms."""
     # a turn about B moves a point at height z along X by z
     return float(arms[1, 2]), float(arms[2, 0]), float(arms[0, 1])
-
-
-def about_own_points(model: ErrorModel) -> tuple[tuple[Effect, ...], Array]:
-    """The effects of a model with all angular error motions about the axes' own points, and the matrix `(p, p)`.
-
-    It takes the parameters of the model to those of these effects.
-    """
-    matrix = np.eye(len(model.parameters))
-    effects = list(model.effects)
-    parts = list(zip(model.effects, model.slices, strict=True))
-    motions = model.error_motions
-    for i, (turn, rows) in enumerate(parts):
-        if isinstance(turn, CentredMotion):
-            effects[i] = turn.at_own_point()
-            for letter, arm in zip(COMPONENTS[:3], turn.shift * URAD / UM, strict=True):
-                own = [(each, part) for each, part in motions if each.name == f"E_{letter}{turn.axis}"]
-                # a diagnosis may have refined one error motion of the axis
-                shift, part = max(own, key=lambda one: (one[0].basis == turn.basis, one[0].basis.size))
-                matrix[part, rows] += arm * _written_in(shift.basis, turn.basis)
-    return tuple(effects), matrix
-
-
-def _written_in(basis: Basis, other: Basis) -> Array:
-    """Matrix `(q, p)` from the parameters of a function in another basis to those of the nearest one in a basis."""
-    if basis == other:
-        return np.eye(basis.size)
-    x = np.linspace(*other.interval, 801)
-    return np.asarray(np.linalg.lstsq(basis.columns(x), other.columns(x), rcond=None)[0])
-
-
-def line_at_centre(model: ErrorModel, motion: ErrorMotion, arms: Mapping[str, Array]) -> Line:
-    """Mean line of a translation of a linear axis at the centre of the measured points, by all parameters `(p,)`.
-
-    Of any other error motion: its own mean line. arms: as `arms_of`.
-    """
-    found = Line(np.zeros(len(model.parameters)), np.zeros(len(model.parameters)))
-    own = np.zeros((3, 3)) if motion.angular else arms.get(motion.axis, np.zeros((3, 3)))
-    direction = COMPONENTS.index(motion.component) % 3
-    for effect, part in model.error_motions:
-        if effect.axis == motion.axis:
-            weight = 1.0 if effect is motion else 0.0
-            if effect.angular and not motion.angular:
-                moved = own[direction, COMPONENTS.index(effect.component) % 3]
-                moved += effect.shift[direction]
-                weight = moved * URAD / UM
-            mean, slope = mean_line(effect.basis)
-            found.mean[part] += weight * mean
-            found.slope[part] += weight * slope
-    return found

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.measurement import Measurement, changed
+from calibration.measurement.measurement import Measurement
 from calibration.registration.derived import derived
 from kinematics.transforms import Array
 
@@ -37,7 +37,7 @@ STRETCHES = 64
 @derived
 def lines(measurement: Measurement) -> np.ndarray:
     """Numbers `(n,)` of the lines, from 0 in the order of their first rows; -1 for rows on no line."""
-    visit = np.cumsum(changed(measurement.positions_in_tolerances)) - 1
+    visit = np.cumsum(measurement.moved) - 1
     first = np.unique(visit, return_index=True)[1]
     return np.asarray(_lines_of(_in_tolerances(measurement)[first])[visit])
 

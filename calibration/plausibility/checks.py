@@ -54,7 +54,7 @@ class Check(NamedTuple):
 def sanity(measurement: Measurement) -> list[Finding]:
     """Findings on a measurement, fatal ones first; with a fatal finding most other checks are omitted."""
     copies = measurement.copies
-    own = measurement.rows(np.flatnonzero(~copies))
+    own = measurement.without_copies
     mistakes = _found_by(MISTAKES, own)
     odd = [*_copies(measurement, copies), *_found_by(NOTES, own)]
     if not any(finding.fatal for finding in mistakes):

@@ -8,7 +8,6 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import residuals
 from calibration.registration.derived import derived
 from calibration.registration.registration import Registration
-from kinematics.error_model.model import no_errors
 from kinematics.transforms import Array
 
 TRIMMED = 50
@@ -19,7 +18,7 @@ TRIMMED = 50
 def misfit(measurement: Measurement) -> tuple[Array, Registration]:
     """Residuals `(n, d)`, mm and rad, of the nominal machine, and its registration, robust to gross errors."""
     registration, _ = measurement.first_registration
-    return residuals(measurement, no_errors(measurement.machine), registration), registration
+    return residuals(measurement, measurement.nominal_model, registration), registration
 
 
 def usual_rms(measurement: Measurement) -> float:

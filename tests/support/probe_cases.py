@@ -6,8 +6,7 @@ import numpy as np
 
 import machines
 from calibration.evaluation.volumetric import rigid_columns, volumetric_error_um
-from calibration.fit.datum import to_datum
-from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.datum import split_locations, to_datum, transformed
 from calibration.instruments import TouchProbe
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices

@@ -18,7 +18,7 @@ from calibration.evaluation.machine_change import MachineChange, machine_change
 from calibration.gaussian_terms.geometry import root_of
 from calibration.gaussian_terms.structure import Structure
 from kinematics.effects import Effect
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 LEAST = 10
@@ -35,7 +35,7 @@ def change_since(structure: Structure, found: Parameters) -> MachineChange | Non
         return None
     measurement = observations.measurement
     difference = _difference(observations.given, found, len(structure.data.geometry.effects))
-    return machine_change(measurement, inside, no_errors(measurement.machine), difference)
+    return machine_change(measurement, inside, measurement.nominal_model, difference)
 
 
 def _difference(given: ErrorModel, found: Parameters, of_geometry: int) -> ErrorModel:

@@ -14,8 +14,9 @@ from typing import Any, cast, get_args
 import msgspec
 import numpy as np
 
+from calibration.instruments.along_axes import observed_components
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import is_log, observed_components
+from calibration.observation.full_model import is_log
 from calibration.observation.mean_lines import point_of
 from kinematics.basis import Legendre
 from kinematics.effects import (

@@ -31,7 +31,7 @@ from calibration.observation.normal_equations import NormalEquations, decorrelat
 from calibration.observation.outliers import Variance
 from calibration.observation.products import Products, arm_products, between, factored
 from kinematics.effects import Effect
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array, read_only
 
@@ -75,19 +75,27 @@ def choose(
 
 def coarse_fit(measurement: Measurement, effects: Sequence[Effect] = ()) -> Fit:
     """A fit of coarse bases, which cannot imitate single rows, with the noise of its residuals."""
-    return _fitted(measurement, coarse_choice(measurement, effects), effects)
+    return fitted(measurement, coarse_choice(measurement, effects), effects)
 
 
 def coarse_choice(measurement: Measurement, effects: Sequence[Effect] = (), prior_scale: float | None = None) -> Choice:
     """The choice among coarse bases: parabolas of linear axes and two harmonics of rotary axes at most."""
     search = Search.of(measurement, ("legendre",), ROTARY_KIND, prior_scale, COARSE, COARSE_TURN)
-    evidence = LinearEvidence(_fitted(measurement, search.start("legendre"), effects), effects)
+    evidence = LinearEvidence(fitted(measurement, search.start("legendre"), effects), effects)
     return chosen(search, 1, lambda choices, _: evidence.of_all(choices))[0]
 
 
-def _fitted(measurement: Measurement, choice: Choice, effects: Sequence[Effect]) -> Fit:
+def fitted(
+    measurement: Measurement,
+    choice: Choice,
+    effects: Sequence[Effect],
+    variance: Variance = "estimate",
+    near: Fit | None = None,
+    progress: Progress = silent,
+) -> Fit:
+    """The fit of the bases of a choice and additional effects, with their priors; the rest as in `fit`."""
     model, prior = with_effects(measurement, choice.bases, effects, *choice.scales)
-    return fit(measurement, model, prior=prior, variance="estimate")
+    return fit(measurement, model, prior=prior, variance=variance, near=near, progress=progress)
 
 
 def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
@@ -123,7 +131,7 @@ class LinearEvidence:
         self._other_effects = first.model.parameters[len(first.prior) - other_effects :]
         self._white = self._measurement.whiteners / np.sqrt(self._factor)
         self._transform = self._white @ self._measurement.instrument.transform(self._measurement, self._registration)
-        at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
+        at_start = msgspec.structs.replace(self._measurement.nominal_model, effects=self._effects)
         left = residuals(self._measurement, at_start.with_parameters(self._other_effects), self._registration)
         self._decorrelation = decorrelation_of(self._measurement)
         self._residual = self._decorrelation.apply(whitened(self._white, left))
@@ -200,5 +208,5 @@ class LinearEvidence:
         """The model of a part: the error motions of an axis in its basis, or the additional effects."""
         axis, basis = part
         own = self._effects if part == OTHER_EFFECTS else axis_effects(self._measurement, axis, parse_basis(basis))
-        model = msgspec.structs.replace(no_errors(self._measurement.machine), effects=tuple(own))
+        model = msgspec.structs.replace(self._measurement.nominal_model, effects=tuple(own))
         return model.with_parameters(self._other_effects) if part == OTHER_EFFECTS else model

@@ -14,9 +14,9 @@ import numpy as np
 
 from calibration.fit.acceptance import too_few
 from calibration.fit.bases.search import AUTO, FINEST, ROTARY_KIND, Choice
-from calibration.fit.bases.selection import choose, coarse_choice, finer
+from calibration.fit.bases.selection import choose, coarse_choice, finer, fitted
 from calibration.fit.cross_validation import cross_validate, diagonals
-from calibration.fit.fit import Fit, fit
+from calibration.fit.fit import Fit
 from calibration.fit.identifiability import identifiability
 from calibration.fit.noise import with_estimated_noise
 from calibration.measurement.measurement import Measurement
@@ -66,9 +66,8 @@ class Wanted:
 
     def fit(self, measurement: Measurement, choice: Choice, near: Fit | None = None) -> Fit:
         """The fit with these bases; estimated noise holds the variance factor. near: the fit with another noise."""
-        model, prior = with_effects(measurement, choice.bases, self.effects, *choice.scales)
         variance = self.variance if measurement.noise is None else "sheet"
-        return fit(measurement, model, prior=prior, variance=variance, near=near, progress=self.progress)
+        return fitted(measurement, choice, self.effects, variance, near, self.progress)
 
 
 def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
@@ -136,5 +135,5 @@ def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Ch
     In units of the instrument's variance; infinite where no line can be held out.
     """
     model, prior = with_effects(measurement, choice.bases, effects, *choice.scales)
-    held_out = cross_validate(measurement.rows(np.flatnonzero(~measurement.copies)), model, prior)
+    held_out = cross_validate(measurement.without_copies, model, prior)
     return np.array([np.inf if held_out is None else -held_out.improvement])

@@ -92,10 +92,9 @@ def _steps(found: Fit) -> Iterator[_Step]:
         rows = np.flatnonzero(np.isin(groups, spheres))
         if len(rows) < 2 * LEAST * len(spheres):
             continue
-        residual = found.residual[rows]
-        first, removed = moment(residual, LEAST * len(spheres))
-        left = float(np.sum((residual - residual.mean(axis=0)) ** 2)) - removed
-        if 0.5 * residual.size * np.log1p(removed / max(left, 1e-300)) > CLEAR / 3.0:
+        first, removed, _ = _step_in(found.residual[rows], LEAST * len(spheres))
+        left = float(np.sum((found.residual[rows] - found.residual[rows].mean(axis=0)) ** 2)) - removed
+        if 0.5 * found.residual[rows].size * np.log1p(removed / max(left, 1e-300)) > CLEAR / 3.0:
             yield _Step(spheres, int(rows[first]))
 
 
@@ -130,10 +129,17 @@ def _second(found: Fit, step: _Step) -> float:
         rows = np.flatnonzero(np.isin(found.measurement.groups, names) & found.kept)
         if len(rows) < 2 * LEAST:
             continue
-        residual = found.residual[rows]
-        first, _ = moment(residual, LEAST)
-        largest = max(largest, float(np.linalg.norm(residual[first:].mean(axis=0) - residual[:first].mean(axis=0))))
+        largest = max(largest, _step_in(found.residual[rows], LEAST)[2])
     return largest
+
+
+def _step_in(residual: Array, least: int) -> tuple[int, float, float]:
+    """The first row behind the clearest step of residuals `(n, 3)`, the squares that it explains, and its length, mm.
+
+    least: number of rows from both ends.
+    """
+    first, removed = moment(residual, least)
+    return first, removed, float(np.linalg.norm(residual[first:].mean(axis=0) - residual[:first].mean(axis=0)))
 
 
 def _with_drift(measurement: Measurement) -> Fit:

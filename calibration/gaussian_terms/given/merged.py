@@ -8,11 +8,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.fit.datum import to_datum
-from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.datum import AT_ORIGIN, about_own_points, split_locations, to_datum, transformed
 from calibration.gaussian_terms.given.nested_bases import contained, embedding
 from calibration.observation.full_model import priors
-from calibration.observation.mean_lines import AT_ORIGIN, about_own_points
 from kinematics.effects import UM, Effect, ErrorMotion, Scale
 from kinematics.effects.base import own_component, own_motion
 from kinematics.error_model.model import ErrorModel

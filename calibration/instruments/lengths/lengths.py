@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from calibration.instruments.base import InstrumentBase
+from calibration.instruments.base import ErrorsShown, InstrumentBase
 from calibration.instruments.lengths import reading
 from calibration.instruments.lengths.geometry import (
     RIGHT_ANGLE,
@@ -165,26 +165,24 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
         if self.square_urad:
             yield f"{SQUARE_U}: {self.square_urad!r}"
 
-    def motions_shown(self, measurement: Measurement, axis: str) -> Sequence[Component]:
-        """Translations along which a row observes; all six from ANGLES readings on.
+    def errors_shown(self, measurement: Measurement, axis: str) -> ErrorsShown:
+        """Translations along which a row observes, all six from ANGLES readings on; and backlash.
+
+        A dial gauge shows backlash where it read the axis from both sides.
 
         X is x, and Y lies in the plane of x and y: other slopes are a turn of the frame, so that E_YX, E_ZX and E_ZY
         are left to readings of a dial gauge, which show their bends.
         """
-        lines, own = np.abs(lines_of(measurement)), own_component(axis)
+        lines, own, i = np.abs(lines_of(measurement)), own_component(axis), measurement.machine.index(axis)
         seen = lines.max(axis=0, initial=0.0) > ALONG
-        dialled = moved_axes(measurement) == measurement.machine.index(axis)
+        dialled = moved_axes(measurement) == i
         bent = lines[dialled].max(axis=0, initial=0.0) > ALONG
+        sides = measurement.state.need("approach", "a dial gauge")[dialled, i]
+        backlash = bool((sides > 0.0).any() and (sides < 0.0).any())
         if seen.all() and _readings(measurement) >= ANGLES:
-            return get_args(Component)
-        return [each for k, each in enumerate(get_args(Component)[:3]) if seen[k] and (each <= own or bent[k])]
-
-    def shows_backlash(self, measurement: Measurement, axis: str) -> bool:
-        """True where a dial gauge read the axis from both sides."""
-        i = measurement.machine.index(axis)
-        own = moved_axes(measurement) == i
-        sides = measurement.state.need("approach", "a dial gauge")[own, i]
-        return bool((sides > 0.0).any() and (sides < 0.0).any())
+            return ErrorsShown(get_args(Component), backlash)
+        seen_or_bent = ((each, seen[k] and (each <= own or bent[k])) for k, each in enumerate(get_args(Component)[:3]))
+        return ErrorsShown([each for each, shown in seen_or_bent if shown], backlash)
 
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
         """See `InstrumentBase.first_registration`."""

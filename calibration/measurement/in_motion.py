@@ -1,6 +1,8 @@
-"""Velocity of the axes at each observation, from the order of rows and the feed."""
+"""Rows in motion: their velocity by order and feed, and the components of their observations that count."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,3 +37,27 @@ def velocities(
     lost = moving & (length == 0.0)
     share = np.where(moving & ~lost, feed / 60.0, 0.0) / np.where(length > 0.0, length, 1.0)
     return np.asarray(steps_taken * share[:, None]), lost
+
+
+@dataclass(frozen=True)
+class AcrossPath:
+    """Observations in motion: only components across the path count, and each row is the mean of several readings."""
+
+    directions: Array
+    """Directions `(n, 2, 3)`, orthonormal and perpendicular to the path, in the instrument's frame."""
+    readings: Array
+    """Number of independent readings in the mean of each row `(n,)`."""
+    ends: Array
+    """Smallest and largest axis positions of the path `(2, axes)`, mm and rad."""
+    distances: Array
+    """Distance along the path `(n,)`, mm."""
+
+    def rows(self, index: slice | np.ndarray) -> AcrossPath:
+        """Some of the rows; the path stays the same."""
+        return AcrossPath(self.directions[index], self.readings[index], self.ends, self.distances[index])
+
+    def of(self, vectors: Array) -> Array:
+        """Components across the path `(n, 2, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
+        if vectors.ndim == 2:
+            return np.asarray((self.directions @ vectors[:, :, None])[:, :, 0])
+        return np.asarray(self.directions @ vectors)
