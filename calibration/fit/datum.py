@@ -38,7 +38,7 @@ from kinematics.effects import COMPONENTS, CentredMotion, Component, Effect, Err
 from kinematics.effects.base import UM, URAD, own_component
 from kinematics.error_model.covariance import propagated
 from kinematics.error_model.model import ErrorModel
-from kinematics.machine import Machine
+from kinematics.machine import Axis, Machine
 from kinematics.state import State
 from kinematics.transforms import IDENTITY, Array, rotation_about
 from kinematics.turn import columns_of
@@ -133,12 +133,12 @@ def to_datum(machine: Machine, model: ErrorModel, prior: Array, arms: Mapping[st
 
 def _rules(machine: Machine, model: ErrorModel, arms: Mapping[str, Array]) -> Array:
     """Linear functions `(rules, p)` of the parameters, um and urad, that are zero in the datum."""
-    rows = []
+    rows, axes = [], _by_name(machine)
     known = {effect.axis for effect, _ in model.error_motions}
     last = [axis.name for axis in machine.axes if not axis.rotary and axis.name in known][-1:]
     for effect, _ in model.error_motions:
         line = line_at_centre(model, effect, arms)
-        axis = machine.axes[machine.index(effect.axis)]
+        axis = axes[effect.axis]
         if (
             effect.component in along_own_line(effect.axis)
             if axis.rotary
@@ -175,6 +175,10 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
                 for (effect, part), weights in zip(motions, turned, strict=True):
                     row[part] = HARMONIC * weights @ columns_of(axis, effect.basis, np.rad2deg(q))
                 yield row
+
+
+def _by_name(machine: Machine) -> dict[str, Axis]:
+    return {axis.name: axis for axis in machine.axes}
 
 
 def along_own_line(axis: str) -> str:
@@ -258,7 +262,7 @@ def _location(
 
     None where there is none, or the basis cannot represent it.
     """
-    axis, line = machine.axes[machine.index(effect.axis)], line_at_centre(model, effect, arms)
+    axis, line = _by_name(machine)[effect.axis], line_at_centre(model, effect, arms)
     if axis.rotary:
         if effect.component in along_own_line(effect.axis):
             return None

@@ -25,7 +25,6 @@ from calibration.observation.outliers import (
     huber_weights,
     largest_distance,
     outlying,
-    refuse_lines,
     robust_factor,
 )
 from calibration.registration.registration import Registration
@@ -200,7 +199,6 @@ def fit(
     rows, at which the iteration begins. UserError when the data cannot be fitted.
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
-    refuse_lines(measurement)
     progress("iterating")
     first, least = _converged(problem, variance, near)
     progress("solving")

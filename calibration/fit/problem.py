@@ -21,6 +21,7 @@ from calibration.observation.normal_equations import (
     residuals,
     whitened,
 )
+from calibration.observation.outliers import refuse_lines
 from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
@@ -123,8 +124,13 @@ class Problem:
 
     @classmethod
     def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
-        """The problem, whitened by the covariance of the measurement."""
-        return cls(measurement, model, measurement.whiteners, measurement.stops, prior)
+        """The problem, whitened by the covariance of the measurement.
+
+        UserError where the points of a station lie on one line, about which its rotation is undetermined.
+        """
+        found = cls(measurement, model, measurement.whiteners, measurement.stops, prior)
+        refuse_lines(measurement)
+        return found
 
     def rows(self, index: np.ndarray) -> Problem:
         """The problem with some of its rows."""

@@ -68,8 +68,7 @@ def choose(
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
     # few readings do not show the size of their noise
     variance: Variance = "sheet" if measurement.instrument.MAY_BE_FEW else "estimate"
-    first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance=variance)
-    evidence = LinearEvidence(first, effects)
+    evidence = LinearEvidence(fitted(measurement, Choice(fine, 1.0), effects, variance, typical=True), effects)
     return chosen(search, 1, lambda choices, _: evidence.of_all(choices), unexplained, progress)[0]
 
 
@@ -92,9 +91,16 @@ def fitted(
     variance: Variance = "estimate",
     near: Fit | None = None,
     progress: Progress = silent,
+    *,
+    typical: bool = False,
 ) -> Fit:
-    """The fit of the bases of a choice and additional effects, with their priors; the rest as in `fit`."""
+    """The fit of the bases of a choice and additional effects, with their priors; the rest as in `fit`.
+
+    typical: the priors are the typical sizes, also where the instrument needs larger ones (`least_priors`).
+    """
     model, prior = with_effects(measurement, choice.bases, effects, *choice.scales)
+    if typical:
+        prior = priors(model)
     return fit(measurement, model, prior=prior, variance=variance, near=near, progress=progress)
 
 

@@ -69,15 +69,19 @@ class Wanted:
         variance = self.variance if measurement.noise is None else "sheet"
         return fitted(measurement, choice, self.effects, variance, near, self.progress)
 
+    def noisy(self, found: Fit) -> Measurement:
+        """The measurement of a fit, with the noise that the residuals show where they contradict the specification."""
+        self.progress("estimating the noise")
+        return with_estimated_noise(found)
+
 
 def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
     """The bases and the fit, with the noise that the residuals show where they contradict the specification."""
     choice = wanted.choice(measurement)
     first = wanted.fit(measurement, choice)
-    wanted.progress("estimating the noise")
     found = [_noisy(first, choice, wanted)]
     if wanted.automatic and any(basis.size > COARSE for basis in choice.bases.values()):
-        coarse = with_estimated_noise(wanted.fit(measurement, wanted.choice(measurement, COARSE)))
+        coarse = wanted.noisy(wanted.fit(measurement, wanted.choice(measurement, COARSE)))
         if coarse.noise is not None and coarse.noise.arms.shape[2]:
             found.append(_again(coarse, wanted))
     best = max(found, key=lambda each: each[1].log_probability)
@@ -93,13 +97,13 @@ def _determined(choice: Choice, found: Fit, wanted: Wanted) -> tuple[Choice, Fit
     measurement = replace(found.measurement, noise=None)
     coarse = coarse_choice(measurement, wanted.effects, wanted.prior_scale)
     first = wanted.fit(measurement, coarse)
-    noisy = with_estimated_noise(first)
+    noisy = wanted.noisy(first)
     return coarse, first if noisy.noise is None else wanted.fit(noisy, coarse, first)
 
 
 def _noisy(found: Fit, choice: Choice, wanted: Wanted) -> tuple[Choice, Fit]:
     """A fit by the specification, or one with the noise that it shows; for axes that do not repeat with other bases."""
-    noisy = with_estimated_noise(found)
+    noisy = wanted.noisy(found)
     if noisy.noise is None:
         return choice, found
     if noisy.noise.arms.shape[2] and wanted.automatic:
@@ -111,7 +115,7 @@ def _again(noisy: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
     """Bases selected under estimated noise, and the fit with the noise that is estimated beside these."""
     choice = _resolving(wanted.choice(noisy), noisy)
     first = wanted.fit(noisy, choice)
-    return choice, wanted.fit(with_estimated_noise(first), choice, first)
+    return choice, wanted.fit(wanted.noisy(first), choice, first)
 
 
 def _resolving(choice: Choice, noisy: Measurement) -> Choice:
