@@ -15,8 +15,8 @@ from postproc.text.plain_lines import PlainLines, whole_lines
 from postproc.text.plain_style import PlainStyle
 from postproc.text.source import ENCODING, Source
 
-SHORTEST = 3
-"""Lines of a run, at least: fewer are read one by one."""
+SHORTEST = 6
+"""Lines of a run, at least: columns of fewer take longer than the lines one by one."""
 
 
 def read_blocks(source: Source, dialect: Dialect, axes: str, *, ahead: bool = False) -> Iterator[Block | PlainRun]:
