@@ -21,7 +21,7 @@ in 95 % of all cases; of smaller machines more is.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -37,6 +37,7 @@ from calibration.instruments import Instrument, LaserTracker, Ranging
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.plan import Choices, Plan
 from calibration.observation.full_model import priors
+from calibration.observation.mean_lines import arms_of, centred
 from calibration.optimal.candidates import volume_of_targets
 from calibration.optimal.optimise import Request, optimised
 from calibration.planning.strategies import evaluation_grid, plan
@@ -109,9 +110,18 @@ def smooth(machine: Machine, rng: np.random.Generator) -> ErrorModel:
     return model_of(machine, motions)
 
 
-def as_expected(machine: Machine, rng: np.random.Generator) -> ErrorModel:
-    """A machine whose error motions, of the same degree, have the sizes that a fit expects of them."""
-    zero = smooth(machine, rng)
+def as_expected(machine: Machine, rng: np.random.Generator, case: Case) -> ErrorModel:
+    """A machine whose error motions, of the same degree, have the sizes that a fit of this case expects of them.
+
+    A fit expects the translations of an axis at the centre of the measured points: angular errors turn about it.
+    """
+    measurement = measured(case, machine, smooth(machine, rng), np.random.default_rng(0))
+    motions = [
+        ErrorMotion(component, axis.name, Legendre(axis.travel, DEGREE), (0.0,) * (DEGREE + 1))
+        for axis in machine.axes
+        for component in COMPONENTS
+    ]
+    zero = model_of(machine, list(centred(motions, arms_of(measurement))))
     return zero.with_parameters(rng.normal(0.0, priors(zero)))
 
 
@@ -154,16 +164,13 @@ def anywhere(machine: Machine, rng: np.random.Generator) -> list[tuple[float, fl
     return places
 
 
-MACHINES: dict[str, Callable[[Machine, np.random.Generator], ErrorModel]] = {
-    "smooth": smooth, "rough": random_true_model, "prior": as_expected,
-}  # fmt: skip
-"""Kinds of virtual machines."""
-
-
 def one(name: str, draw: int, kind: str = "smooth", margin: int = 0) -> tuple[Judged, str]:
     """One draw, and what the data determine; margin: sizes by which automatic bases are finer than by the evidence."""
     machine, rng = centre(), np.random.default_rng([30, draw])
-    truth = MACHINES[kind](machine, rng)
+    if kind == "prior":
+        truth = as_expected(machine, rng, CASES[name])
+    else:
+        truth = (random_true_model if kind == "rough" else smooth)(machine, rng)
     basis = "auto" if kind == "rough" else f"legendre:{DEGREE}"
     measurement = measured(CASES[name], machine, truth, rng)
     found = calibrate(measurement, basis=basis, margin=margin, hold_out=False).fit
