@@ -37,10 +37,11 @@ from calibration.instruments import Instrument, LaserTracker, Ranging
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.plan import Choices, Plan
 from calibration.observation.full_model import priors
-from calibration.observation.mean_lines import arms_of, centred
+from calibration.observation.mean_lines import centred
 from calibration.optimal.candidates import volume_of_targets
 from calibration.optimal.optimise import Request, optimised
 from calibration.planning.strategies import evaluation_grid, plan
+from calibration.registration.measured_centre import arms_of
 from calibration.simulation.simulate import at_stations, observe, tracker_pose
 from calibration.simulation.true_model import model_of, random_true_model
 from kinematics.basis import Legendre

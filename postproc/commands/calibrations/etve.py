@@ -49,6 +49,7 @@ def etve(
     report = etve_report(found, data.name, ReportHead(machine="" if of is None else of.name))
     with others.recorded(of) as record, whole_results(*others.files) as files:
         others.write(results, report, files, (data,))
-        entry = {"method": "etve", "measured": found.measured}
-        record(results_entry("etve", found.headline, results, partial(of_etve, results), (data,), **entry))
+        figures = partial(of_etve, results)
+        day = found.measured
+        record(results_entry("etve", found.headline, results, figures, (data,), method="etve", measured=day))
     show(report, *others.files)
