@@ -464,3 +464,4 @@ def test_the_uncertainty_of_a_tracker_by_hand():
     tracker = LaserTracker(u_range_um=2.0, u_range_um_per_m=1.0, u_angle_um=10.0, u_angle_um_per_m=3.0)
     (found,) = tracker.covariance(np.array([[0.0, 4000.0, 0.0]]))
     np.testing.assert_allclose(found * 1e6, np.diag([22.0, 6.0, 22.0]) ** 2, atol=1e-9)
+    assert LaserTracker.typical() == LaserTracker(0.0, 0.25, 10.0, 2.5)  # virtual calibration paper, table 3

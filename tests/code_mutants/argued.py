@@ -7,10 +7,10 @@ ARGUED: dict[tuple[str, str, str, str], str] = {
     (
         "kinematics/inverse.py",
         "_branches",
-        "_angle_about(lines[1], TOOL_AXIS, lines[0]) + np.stack([opening, -opening])",
-        "_angle_about(lines[1], TOOL_AXIS, lines[0]) - np.stack([opening, -opening])",
+        "_angle_about(lines[1], p, lines[0]) + np.stack([opening, -opening])",
+        "_angle_about(lines[1], p, lines[0]) - np.stack([opening, -opening])",
     ): "the two branches exchange their numbers; the solutions are the same",
-    ("kinematics/inverse.py", "_closed_form", "1e-06", "9.999999999999999e-06"): (
+    ("kinematics/inverse.py", "closed_form", "1e-06", "9.999999999999999e-06"): (
         "axes nearer to parallel than that go through the search, which ends at the same positions"
     ),
     ("kinematics/inverse.py", "", "100.0", "1000.0"): (
