@@ -172,7 +172,7 @@ MISTAKES = {
         lambda: ncomp.watch("in", "out", "gantry", job="job.toml"),
         "watch(): machine is an entry of the job file job.toml",
     ),
-    "job file with an output": (lambda: ncomp.watch("job.toml", "out"), "give no output, job or glob"),
+    "job file with an output": (lambda: ncomp.watch("job.toml", "out"), "give no output, job, glob or drift"),
     "time of rest": (lambda: ncomp.watch("in", "out", "gantry", settle=0), "0.1 to 600"),
     "study": (lambda: ncomp.study("no.toml"), "no.toml: No such file"),
     "page": (lambda: ncomp.report(ROOT / "README.md"), "expected a page written by"),
