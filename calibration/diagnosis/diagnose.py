@@ -10,7 +10,7 @@ from calibration.diagnosis.axis_order import other_order
 from calibration.diagnosis.conclusion.result import Diagnosis, answered
 from calibration.diagnosis.search import search
 from calibration.fit.acceptance import SPARE, information
-from calibration.fit.set_up.checked_data import checked_data
+from calibration.fit.set_up.checked_data import CheckedData
 from calibration.fit.set_up.moved_spheres import moved_findings
 from calibration.gaussian_terms.geometry import motions
 from calibration.gaussian_terms.given.larger_range import extended, larger_ranges
@@ -45,21 +45,21 @@ def diagnose(
     """
     checking, searching, concluding = (numbered(progress, number, STEPS) for number in range(1, STEPS + 1))
     checking("checking the data")
-    measurement, findings, _ = checked_data(measurement, misplaced=False)
-    measurement = measurement.without_copies
+    data = CheckedData.of_diagnosis(measurement)
+    measurement, findings = data.measurement, data.findings
     given = None
     if calibration is not None:
         given, further = _of_other_data(calibration, measurement)
-        findings = [*findings, *further]
+        findings = (*findings, *further)
     observations = Observations.of(measurement, given=given)
     if given is None:
         _refuse_few(observations)
     searching("error motions and noise")
     found = search(observations, searching)
     if chain := other_order(found.structure):
-        findings = [*findings, Finding("chain", chain, False)]
+        findings = (*findings, Finding("chain", chain, False))
     if all(term.kind != KNOCK for term in found.structure.terms):
-        findings = [*findings, *moved_findings(measurement, force=force)]
+        findings = (*findings, *moved_findings(measurement, force=force))
     concluding("verdicts and calibration")
     return answered(found.candidates, findings, force=force, add_unexplained=add_unexplained)
 

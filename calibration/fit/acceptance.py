@@ -14,7 +14,7 @@ import numpy as np
 from calibration.fit.cross_validation import CrossValidation, uncorrected
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability
-from calibration.fit.prediction import RelativeDeviation, relative_at_most
+from calibration.fit.prediction import RelativeDeviation, usual_target
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import decorrelation_of, whitened
 from calibration.observation.outliers import MOST, too_many
@@ -38,8 +38,6 @@ COVERAGE = 2.0
 """Coverage factor k: a correction is significant where it exceeds k standard uncertainties."""
 MOSTLY = 0.5
 """Share of positions at which the correction must be significant."""
-ARM = 100.0
-"""Lever arm, mm, at which errors count that an interferometer measures as angles of a rotary axis."""
 ANYWHERE = 300
 """Number of states, within the measured ranges of all axes, at which a correction is compared with its uncertainty."""
 
@@ -204,28 +202,6 @@ def not_better(model: str, held_out: CrossValidation, other: str) -> str:
     )
 
 
-def relative_deviations(model: ErrorModel, measurement: Measurement) -> RelativeDeviation:
-    """Predicted deviations of the tool target with the most rows, at evenly spread measured states."""
-    return relative_at_most(model, measurement.machine, *usual_states(measurement))
-
-
-def usual_states(measurement: Measurement) -> tuple[State, Array]:
-    """Measured states, and the vector `(n, 3)`, mm, of the tool target with the most rows, or an arm."""
-    if measures_angles(measurement):
-        return measurement.state, np.full((len(measurement), 3), ARM)
-    on_tool = np.array([target.carrier == "tool" for target in measurement.targets.values()])[measurement.target_number]
-    rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
-    return measurement.state.rows(rows), np.tile(_usual_target(measurement), (len(rows), 1))
-
-
-def measures_angles(measurement: Measurement) -> bool:
-    """True for data of an interferometer along rotary axes alone, whose target may lie on the axis."""
-    if measurement.axis is None:
-        return False
-    machine = measurement.machine
-    return all(machine.rotary[machine.index(name)] for name in np.unique(measurement.axis).tolist())
-
-
 def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
     """UserError for a model whose correction, by its uncertainty, leaves larger deviations than it removes.
 
@@ -236,7 +212,7 @@ def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
     low, high = (end(measurement.state.positions, axis=0) for end in (np.min, np.max))
     q = np.random.default_rng(0).uniform(low, high, (ANYWHERE, len(low)))
     state = State(q)
-    tool = np.tile(_usual_target(measurement), (ANYWHERE, 1))
+    tool = np.tile(usual_target(measurement), (ANYWHERE, 1))
     machine, less = measurement.machine, without_clamp(forward(measurement.machine, q).apply(tool))
     deviation = less @ exact_deviation(machine, q, model.errors(machine, state), tool).position.reshape(-1)
     design = model.design(machine, state, error_transform_with_tool(machine, q, tool)[:, :3]).reshape(3 * ANYWHERE, -1)
@@ -256,15 +232,6 @@ def without_clamp(points: Array) -> Array:
     arms = points - points.mean(axis=0)
     moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), by_turn(arms)], axis=2).reshape(-1, 6)
     return np.asarray(np.eye(len(moved)) - moved @ np.linalg.pinv(moved))
-
-
-def _usual_target(measurement: Measurement) -> tuple[float, ...]:
-    """Position, mm, of the target on the tool with the most rows; zero if there is none."""
-    targets = list(measurement.targets.values())
-    on_tool = np.array([target.carrier == "tool" for target in targets])[measurement.target_number]
-    if not on_tool.any():
-        return (0.0, 0.0, 0.0)
-    return tuple(targets[int(np.bincount(measurement.target_number[on_tool]).argmax())].position)
 
 
 def significant_share(identified: RelativeDeviation) -> float:

@@ -15,7 +15,6 @@ from calibration.fit.acceptance import (
     nominal_residuals,
     reason_against,
     refuse_few,
-    relative_deviations,
     significant_share,
     undetermined,
 )
@@ -26,20 +25,18 @@ from calibration.fit.datum import model_in_datum
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.omitted_waves import OmittedWaves, with_curves_and_waves
-from calibration.fit.prediction import RelativeDeviation
+from calibration.fit.prediction import RelativeDeviation, relative_deviations
 from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.bases_and_noise import Wanted
+from calibration.fit.set_up.checked_data import CheckedData
 from calibration.fit.set_up.distances import distance_findings
 from calibration.fit.set_up.drift import Drift, with_bases_noise_and_drift
-from calibration.fit.set_up.moved_spheres import moved_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
-from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
-from calibration.fit.set_up.target_positions import findings as target_findings
+from calibration.fit.set_up.target_positions import TargetPosition
 from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import whitened
 from calibration.observation.outliers import Variance
-from calibration.plausibility.checks import usable
 from calibration.plausibility.finding import Finding
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
@@ -131,10 +128,10 @@ def calibrate(
 
     NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
-    findings, positions = checked(measurement, force=force)
+    data = CheckedData.of_fit(measurement, force=force)
     steps = 3 if hold_out else 2
     wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
-    drift = with_bases_noise_and_drift(at_positions(measurement, positions), wanted)
+    drift = with_bases_noise_and_drift(data.measurement, wanted)
     found = drift.fit
     numbered(progress, 2, steps)("identifiability")
     identified = identifiability(found)
@@ -155,8 +152,8 @@ def calibrate(
         dependences=tuple(dependences(found)),
         cross_validation=held_out,
         between_positions=between,
-        findings=(*findings, *_findings(drift, too_many, waves, chosen=wanted.automatic)),
-        targets=tuple(positions),
+        findings=(*data.findings, *_findings(drift, too_many, waves, chosen=wanted.automatic)),
+        targets=data.targets,
         relative_deviation=relative_deviations(written, found.good),
         objection=too_many or reason_against(found, before, held_out) or undetermined(found, identified),
         forced=force,
@@ -190,17 +187,6 @@ def _without_drift(
     """The model in the datum without the drift that was fitted beside it; the others as in `_model_of`."""
     curved, between, waves = with_curves_and_waves(drift.fit, chosen=chosen)
     return drift.left_out(in_datum(curved)), between, waves
-
-
-def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:
-    """Anomalies of the data before any fit, and the targets that are not at a stated position.
-
-    UserError for data that cannot be used, and for a sphere that moved, without `force`.
-    """
-    findings = usable(measurement)
-    findings += moved_findings(measurement, force=force)
-    positions = target_positions(measurement)
-    return [*findings, *target_findings(measurement, positions)], positions
 
 
 def _findings(drift: Drift, too_many: str, waves: OmittedWaves | None, *, chosen: bool) -> list[Finding]:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.instruments import KINDS
+from calibration.measurement.measurement import Measurement
 from calibration.measurement.measuring_date import MEASURED
 from calibration.measurement.states import (
     MeasurementStates,
@@ -44,6 +45,8 @@ ADDED = ("dx_um", "dy_um", "dz_um", "u_dx_um", "u_dy_um", "u_dz_um")
 """Columns of a prediction."""
 STATES = 1000
 """Largest number of states that are compared with each other."""
+ARM = 100.0
+"""Lever arm, mm, at which errors count that an interferometer measures as angles of a rotary axis."""
 MM = 1e3
 """um in a mm."""
 
@@ -189,6 +192,37 @@ def evenly_spread(state: State, tool: Array, most: int = STATES) -> tuple[State,
     """At most so many of the states, evenly spread, with their tool vectors."""
     rows = np.unique(np.linspace(0, len(state) - 1, min(len(state), most)).astype(int))
     return state.rows(rows), tool[rows]
+
+
+def relative_deviations(model: ErrorModel, measurement: Measurement) -> RelativeDeviation:
+    """Predicted deviations of the tool target with the most rows, at evenly spread measured states."""
+    return relative_at_most(model, measurement.machine, *usual_states(measurement))
+
+
+def usual_states(measurement: Measurement) -> tuple[State, Array]:
+    """Measured states, and the vector `(n, 3)`, mm, of the tool target with the most rows, or an arm."""
+    if measures_angles(measurement):
+        return measurement.state, np.full((len(measurement), 3), ARM)
+    on_tool = np.array([target.carrier == "tool" for target in measurement.targets.values()])[measurement.target_number]
+    rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
+    return measurement.state.rows(rows), np.tile(usual_target(measurement), (len(rows), 1))
+
+
+def measures_angles(measurement: Measurement) -> bool:
+    """True for data of an interferometer along rotary axes alone, whose target may lie on the axis."""
+    if measurement.axis is None:
+        return False
+    machine = measurement.machine
+    return all(machine.rotary[machine.index(name)] for name in np.unique(measurement.axis).tolist())
+
+
+def usual_target(measurement: Measurement) -> tuple[float, ...]:
+    """Position, mm, of the target on the tool with the most rows; zero if there is none."""
+    targets = list(measurement.targets.values())
+    on_tool = np.array([target.carrier == "tool" for target in targets])[measurement.target_number]
+    if not on_tool.any():
+        return (0.0, 0.0, 0.0)
+    return tuple(targets[int(np.bincount(measurement.target_number[on_tool]).argmax())].position)
 
 
 def read_points(path: Path, machine: Machine) -> Points:

@@ -25,7 +25,7 @@ from scipy import special
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, reason_against, refuse_few
 from calibration.fit.bases.common import common_basis
 from calibration.fit.bases.search import AUTO, Choice, scale_of
-from calibration.fit.calibrate import checked, in_datum, provenance
+from calibration.fit.calibrate import in_datum, provenance
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
@@ -33,11 +33,11 @@ from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.fit.omitted_waves import OmittedWaves, left_out
 from calibration.fit.problem import FIXED, Problem
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
+from calibration.fit.set_up.checked_data import CheckedData
 from calibration.fit.set_up.distances import distance_findings
 from calibration.fit.set_up.drift import repeat_findings
 from calibration.fit.set_up.rows_and_noise import noise_findings, outlier_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
-from calibration.fit.set_up.target_positions import at_positions
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import least_priors, priors
 from calibration.observation.mean_lines import centred
@@ -194,10 +194,11 @@ class _Single:
 
     @classmethod
     def of(cls, measurement: Measurement, wanted: Wanted, *, force: bool) -> _Single:
-        """The fit of a measurement alone; UserError as by `checked`."""
-        findings, positions = checked(measurement, force=force)
-        choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
-        findings += [
+        """The fit of a measurement alone; UserError as by `CheckedData.of_fit`."""
+        data = CheckedData.of_fit(measurement, force=force)
+        choice, own = with_bases_and_noise(data.measurement, wanted)
+        findings = [
+            *data.findings,
             *zero_findings(run_zeros(own)),
             *distance_findings(own),
             *repeat_findings(own),

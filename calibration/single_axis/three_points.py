@@ -20,7 +20,8 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.fit.acceptance import relative_deviations, significant_share
+from calibration.fit.acceptance import significant_share
+from calibration.fit.prediction import relative_deviations
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import usable
 from calibration.single_axis import stations

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.fit.acceptance import usual_states
+from calibration.fit.prediction import usual_states
 from calibration.measurement.measurement import Measurement
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Effect

@@ -35,8 +35,9 @@ from calibration.diagnosis.named import untested
 from calibration.diagnosis.next.proposals import CHECK, ProposedMeasurement, proposed
 from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.acceptance import Judged as Accepted
-from calibration.fit.acceptance import relative_deviations, significant_share
+from calibration.fit.acceptance import significant_share
 from calibration.fit.calibrate import provenance
+from calibration.fit.prediction import relative_deviations
 from calibration.gaussian_terms.calibrated import machine_model, prior_sizes
 from calibration.gaussian_terms.outliers import log_odds, shifts
 from calibration.gaussian_terms.structure import Structure

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.evaluation.volumetric import volumetric_error_um
-from calibration.fit.acceptance import ARM, measures_angles
+from calibration.fit.prediction import ARM, measures_angles
 from calibration.measurement.measurement import Measurement
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import ErrorModel

@@ -1,12 +1,14 @@
-"""The data of a diagnosis: checked, with times from their first row, and targets at their positions by the data."""
+"""The data of a fit or of a diagnosis: checked, with the targets at their positions by the data."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.fit.set_up.moved_spheres import moved_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
+from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import usable
 from calibration.plausibility.finding import Finding
@@ -15,25 +17,43 @@ LATE = 3.0
 """Multiple of the duration of the data: a clock that begins later counts from midnight or another epoch."""
 
 
-def checked_data(
-    measurement: Measurement, *, misplaced: bool = True
-) -> tuple[Measurement, list[Finding], list[TargetPosition]]:
-    """The measurement with times from its first row, and targets at their positions by the data, which come with it.
+@dataclass(frozen=True)
+class CheckedData:
+    """A measurement that can be used; a fit and a diagnosis begin with it."""
 
-    In between the findings about it. misplaced: targets that are not at their stated positions are moved too, not only
-    those without one. UserError where the measurement cannot be used.
-    """
-    findings = usable(measurement)
-    unknown = any(target.free for target in measurement.targets.values())
-    # where all rows of a target are in sequence, the search compares its offset with a knock at the instrument
-    found = [each for each in target_positions(measurement) if not each.at_once] if misplaced or unknown else []
-    found = [each for each in found if misplaced or not each.stated]
-    measurement = at_positions(measurement, found)
-    measurement, late = _from_its_start(_with_station(measurement))
-    if late:
-        text = f"time_s begins at {late:.10g}: times are counted from the first row"
-        findings.append(Finding("epoch", text, False))
-    return measurement, findings, found
+    measurement: Measurement
+    """With the targets at their positions by the data."""
+    findings: tuple[Finding, ...]
+    """Anomalies of the data before any fit."""
+    targets: tuple[TargetPosition, ...]
+    """The targets that are not at a stated position."""
+
+    @classmethod
+    def of_fit(cls, measurement: Measurement, *, force: bool) -> CheckedData:
+        """The data of a fit. UserError for data that cannot be used, and for a sphere that moved, without `force`."""
+        findings = [*usable(measurement), *moved_findings(measurement, force=force)]
+        found = target_positions(measurement)
+        findings += target_findings(measurement, found)
+        return cls(at_positions(measurement, found), tuple(findings), tuple(found))
+
+    @classmethod
+    def of_diagnosis(cls, measurement: Measurement) -> CheckedData:
+        """The data of a diagnosis, without copies and with times from their first row.
+
+        Only targets without a stated position are moved to that by the data: a target elsewhere than stated, and a
+        sphere that moved, are causes, which the search compares with others. UserError for data that cannot be used.
+        """
+        findings = usable(measurement)
+        unknown = any(target.free for target in measurement.targets.values())
+        # where all rows of a target are in sequence, the search compares its offset with a knock at the instrument
+        found = (
+            [each for each in target_positions(measurement) if not each.at_once and not each.stated] if unknown else []
+        )
+        own, late = _from_its_start(_with_station(at_positions(measurement, found)))
+        if late:
+            text = f"time_s begins at {late:.10g}: times are counted from the first row"
+            findings.append(Finding("epoch", text, False))
+        return cls(own.without_copies, tuple(findings), tuple(found))
 
 
 def _with_station(measurement: Measurement) -> Measurement:

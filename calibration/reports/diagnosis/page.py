@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.evaluation.machine_change import directions_seen
-from calibration.fit.acceptance import usual_states
+from calibration.fit.prediction import usual_states
 from calibration.measurement.measurement import Measurement
 from calibration.reports.diagnosis.causes import cause_sections
 from calibration.reports.diagnosis.commands import Files, use_section

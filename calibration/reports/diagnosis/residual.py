@@ -9,7 +9,7 @@ from functools import partial
 from calibration.diagnosis.conclusion.fitted_rows import by_direction
 from calibration.diagnosis.conclusion.functions import obstacle
 from calibration.diagnosis.conclusion.result import Diagnosis
-from calibration.fit.acceptance import ARM, measures_angles
+from calibration.fit.prediction import ARM, measures_angles
 from calibration.reports.diagnosis.figures import against_noise, before_and_after, by_approach, function_figure
 from calibration.reports.diagnosis.verdict import function_name
 from kinematics.files.number_text import amount, rounded
