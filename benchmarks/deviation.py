@@ -22,7 +22,7 @@ from kinematics.error_model.model import read_model
 from kinematics.error_transform import error_transform
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import BLOCK, Array, blocks
+from kinematics.transforms import ROWS_OF_BLOCK, Array, blocks
 
 ROWS = 1_000_000
 RUNS = 5
@@ -74,7 +74,7 @@ def main() -> None:
     count = sum(isinstance(effect, ErrorMotion) for effect in model.effects)
     print(
         f"{machine.name} ({machine.chain}), {ROWS} states, {count} error motions and {len(model.effects) - count} "
-        f"location errors, blocks of {BLOCK}, median of {RUNS} runs"
+        f"location errors, blocks of {ROWS_OF_BLOCK}, median of {RUNS} runs"
     )
     for name, duration in seconds.items():
         print(f"{name:28}{duration:9.3f} s{duration / ROWS * 1e6:9.3f} us/state")

@@ -30,15 +30,15 @@ from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.calibrated import machine_model
 from calibration.gaussian_terms.geometry import (
-    DEGREE,
-    HARMONICS,
+    ERROR_DEGREE,
+    TURN_HARMONICS,
     Bands,
     Geometry,
     Key,
     degrees_of,
     kind_of,
 )
-from calibration.gaussian_terms.linearised import SETTLED, change_of, mean_errors
+from calibration.gaussian_terms.linearised import SETTLED_OBSERVATIONS, change_of, mean_errors
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.gaussian_terms.structure import Data, Structure
@@ -128,7 +128,7 @@ def explained(measurement: Measurement, basis: str) -> Found:
     for _ in range(PASSES):
         found = _explained(observations, basis)
         again = observations.about(mean_errors(found.structure))
-        if measurement.instrument.MAY_BE_FEW or change_of(found.structure, again) < SETTLED:
+        if measurement.instrument.MAY_BE_FEW or change_of(found.structure, again) < SETTLED_OBSERVATIONS:
             break
         observations = again
     return found
@@ -183,10 +183,10 @@ def _parts(observations: Observations, basis: str) -> Iterator[tuple[Effect, Arr
     for axis, arc in measurement.moving.items():
         own = measurement.machine.axes[measurement.machine.index(axis)]
         closed = own.turns_fully and not gap_of(arc)
-        choice = BasisChoice("fourier", HARMONICS) if closed else BasisChoice("legendre", FINE)
+        choice = BasisChoice("fourier", TURN_HARMONICS) if closed else BasisChoice("legendre", FINE)
         for motion in axis_motions(measurement, axis, choice):
             size = len(motion.parameters)
-            degrees = degrees_of(size if closed else DEGREE + 1, closed=closed)
+            degrees = degrees_of(size if closed else ERROR_DEGREE + 1, closed=closed)
             shapes = WAVES_IN_LEGENDRE if basis == WAVES and not closed else np.eye(size)[:, : len(degrees)]
             matrix = shapes * (priors.error_motion_um / np.maximum(degrees, 1) ** priors.smoothness)
             kind = kind_of(cast(ErrorMotion, motion))
@@ -204,7 +204,7 @@ def _waves() -> Array:
     """Coefficients `(FINE + 1, DEGREE + 1)` of a constant, a slope, and cosines over WIDER travels."""
     x, weights = np.polynomial.legendre.leggauss(200)
     polynomials = np.polynomial.legendre.legvander(x, FINE)
-    cosines = [np.cos(np.pi * k * (x + WIDER) / (2.0 * WIDER)) for k in range(2, DEGREE + 1)]
+    cosines = [np.cos(np.pi * k * (x + WIDER) / (2.0 * WIDER)) for k in range(2, ERROR_DEGREE + 1)]
     functions = np.stack([np.ones_like(x), x, *cosines], axis=1)
     squares = 2.0 / (2.0 * np.arange(FINE + 1) + 1.0)
     return np.asarray((polynomials * weights[:, None]).T @ functions / squares[:, None])

@@ -24,7 +24,7 @@ ISO230_2 = {"mean B": "backlash", **{symbol: symbol for symbol in ("A", "E", "M"
 """Names of the values of ISO 230-2 of both directions, before that of the axis; mean B is the reversal of `compare`."""
 ISO230_4 = ("G(b)", "G(ccw)", "G(cw)", "H")
 """Values of ISO 230-4 that need no calibrated length."""
-LEAST_U = 1e-6
+EXACT_U = 1e-6
 """Standard uncertainty, um or urad, below which a figure is stated to be exact: the calibration does not have it."""
 
 
@@ -38,7 +38,7 @@ def of_calibration(machine: Machine, model: ErrorModel) -> list[Quantity]:
 def of_comparison(machine: Machine, found: Comparison) -> list[Quantity]:
     """The figures of a calibration that was compared with the machine without errors."""
     figures = [Quantity(_name(each.name, each.title), each.unit, each.b, each.U_b / 2.0) for each in found.figures]
-    return [each for each in (*figures, *_positioning(found), *_volume(machine, found)) if each.u > LEAST_U]
+    return [each for each in (*figures, *_positioning(found), *_volume(machine, found)) if each.u > EXACT_U]
 
 
 def _name(name: str, title: str) -> str:

@@ -17,9 +17,9 @@ from kinematics.transforms import Array, read_only
 
 Vector = tuple[Array, Array, Array]
 """Components x, y and z of n vectors, each `(n,)`, or `(1,)` for all rows."""
-FLAT = 1e-9
+FLAT_DIRECTIONS = 1e-9
 """Volume spanned by the directions of the linear axes below which they cannot position the tool."""
-SMALL = 1e-4
+SMALL_ANGLE_RAD2 = 1e-4
 """rad^2: the square of an angle below which two terms of the series of a rotation are exact to rounding."""
 
 
@@ -73,7 +73,7 @@ class _Motion:
         self.translation, self._rotation = translation, rotation
         square = dot(rotation, rotation)
         sine, versed = 1.0 - square * (1.0 / 6.0 - square / 120.0), 0.5 - square * (1.0 / 24.0 - square / 720.0)
-        large = square >= SMALL
+        large = square >= SMALL_ANGLE_RAD2
         if large.any():
             angle = np.sqrt(square)
             sine = np.where(large, np.sinc(angle / np.pi), sine)
@@ -209,7 +209,7 @@ class ChainColumns:
         for i in range(first):  # they turn together
             displacement = self._turn(i, displacement, back=True)
         directions = np.array([axes[k].unit_direction for k in self.machine.translators]).T
-        spanning = abs(np.linalg.det(directions)) > FLAT
+        spanning = abs(np.linalg.det(directions)) > FLAT_DIRECTIONS
         steps = np.linalg.inv(directions) if spanning else np.full((3, 3), np.nan)
         return displacement if np.array_equal(steps, _UPRIGHT) else _in_frame(steps.tolist(), displacement)
 
@@ -224,7 +224,7 @@ class ChainColumns:
             lines.append(line)
         normals = cross(lines[1], lines[2]), cross(lines[2], lines[0]), cross(lines[0], lines[1])
         volume = dot(lines[0], normals[0])
-        volume = np.where(np.abs(volume) > FLAT, volume, np.nan)
+        volume = np.where(np.abs(volume) > FLAT_DIRECTIONS, volume, np.nan)
         x, y, z = ((n[0] / volume, n[1] / volume, n[2] / volume) for n in normals)
         return x, y, z
 

@@ -17,14 +17,14 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-CONVERGED = 1e-8
+LAST_CORRECTION_STEP = 1e-8
 """mm and rad."""
 TURNING, LEAST_RATIO = 4.0, 1e-3
 """A step is taken to be as long against the last one as that against the one before, times TURNING because it has
 another direction, and at least LEAST_RATIO of it."""
 MAX_ROUNDS = 12
 MAX_HALVINGS = 24
-DAMPING = 5e-3
+POLE_DAMPING_RAD = 5e-3
 """rad: the tilt off a pole below which rotary axes give up correcting the orientation (gain 1/2 there)."""
 
 
@@ -50,7 +50,7 @@ def correct_position(
     movable: NDArrayBool,
     start: Array | None = None,
     shift: ArrayLike = (0.0, 0.0, 0.0),
-    precision: float = CONVERGED,
+    precision: float = LAST_CORRECTION_STEP,
     slope: float = np.inf,
     uncorrected: Uncorrected | None = None,
 ) -> Array:
@@ -151,8 +151,8 @@ def correct_orientation(machine: Machine, errors: Errors, nominal: Array, movabl
     """Axis positions `(n, axes)` with the movable rotary axes turned so that the actual tool axis is the nominal one.
 
     FOR of ISO/TR 16907, as far as the rotary axes reach: about its own axis a tool needs no correction. Damped least
-    squares, |tool axis error|^2 + DAMPING^2 |turn|^2 -> min, Gauss-Newton: beside a pole, where a rotary axis would
-    have to turn far to tilt the tool a little, it turns at most error / (2 DAMPING), and on the pole not at all.
+    squares, |tool axis error|^2 + `POLE_DAMPING_RAD`^2 |turn|^2 -> min, Gauss-Newton: beside a pole, where a rotary axis would
+    have to turn far to tilt the tool a little, it turns at most error / (2 `POLE_DAMPING_RAD`), and on the pole not at all.
     """
     rotary = np.flatnonzero(machine.rotary)
     n = len(nominal)
@@ -163,10 +163,10 @@ def correct_orientation(machine: Machine, errors: Errors, nominal: Array, movabl
         actual = rows_of(ChainColumns(machine, q).tool_axis(errors(q)), n)
         lines = pose_slopes(machine, q)[:, 3:, rotary]
         slopes = np.cross(lines, actual[:, :, None], axis=1) * free[:, None, :]
-        gradient = np.einsum("nci,nc->ni", slopes, actual - target) + DAMPING**2 * (q - nominal)[:, rotary]
-        hessian = slopes.swapaxes(1, 2) @ slopes + DAMPING**2 * np.eye(len(rotary))
+        gradient = np.einsum("nci,nc->ni", slopes, actual - target) + POLE_DAMPING_RAD**2 * (q - nominal)[:, rotary]
+        hessian = slopes.swapaxes(1, 2) @ slopes + POLE_DAMPING_RAD**2 * np.eye(len(rotary))
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0] * free
         q[:, rotary] -= step
-        if np.abs(step).max(initial=0.0) < CONVERGED:
+        if np.abs(step).max(initial=0.0) < LAST_CORRECTION_STEP:
             break
     return q

@@ -33,16 +33,20 @@ from kinematics.forward import forward
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array, read_only, turn
 
-TOLERANCE = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
+TRAVEL_ROUNDING = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
 POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
 FOLD = 2e-15  # rad: a tool axis within rounding of the farthest tilt is taken to be on it
-FLAT = 1e-9  # volume spanned by the directions of the linear axes below which they cannot position the tool
-CONVERGED = 5e-11  # mm: residual at which a damped Newton search ends, orientation counted at an arm of ARM
-ARM = 100.0  # mm per rad: weighs orientation against position in the damped Newton search
+SINGULAR_DETERMINANT = (
+    1e-9  # volume spanned by the directions of the linear axes below which they cannot position the tool
+)
+LAST_INVERSE_STEP = (
+    5e-11  # mm: residual at which a damped Newton search ends, orientation counted at an arm of `ROTARY_ARM_MM`
+)
+ROTARY_ARM_MM = 100.0  # mm per rad: weighs orientation against position in the damped Newton search
 RESTARTS = 8  # damped Newton searches from other rotary positions before a pose is given up
 DOUBT = 1e-9  # rad: solutions whose ways differ by less are compared one by one
 AHEAD, MOST_AHEAD = 16, 4096  # rows that are compared together: twice as many after rows without doubt
-TURN = 2.0 * math.pi
+TURN_RAD = 2.0 * math.pi
 TOOL_AXIS = read_only(np.array([0.0, 0.0, 1.0]))
 UNLIMITED = read_only(np.array([[-math.inf], [math.inf]]))
 
@@ -225,11 +229,11 @@ def _branches(machine: Machine, u: Array) -> tuple[Array, NDArrayBool, NDArrayBo
     lines, p = [vector(line) for line in _rotary_directions(machine)], vector(TOOL_AXIS)
     goal: Vector = (u[:, 0].copy(), u[:, 1].copy(), u[:, 2].copy())
     if not lines:
-        return np.empty((1, len(u), 0)), _angle_between(p, goal) <= TOLERANCE, np.zeros(len(u), bool)
+        return np.empty((1, len(u), 0)), _angle_between(p, goal) <= TRAVEL_ROUNDING, np.zeros(len(u), bool)
     free = length(cross(lines[0], goal)) <= POLE
     tilt = _angle_between(lines[0], goal)
     if len(lines) == 1:
-        attainable = np.abs(tilt - _angle_between(lines[0], p)) <= TOLERANCE
+        attainable = np.abs(tilt - _angle_between(lines[0], p)) <= TRAVEL_ROUNDING
         return _angle_about(lines[0], p, goal)[None, :, None], attainable, free
     opening, margin = _opening(tilt, _angle_between(lines[0], lines[1]), _angle_between(lines[1], p))
     second = _angle_about(lines[1], p, lines[0]) + np.stack([opening, -opening])
@@ -240,7 +244,7 @@ def _branches(machine: Machine, u: Array) -> tuple[Array, NDArrayBool, NDArrayBo
         sine, versed = np.sin(angle), 2.0 * np.sin(angle / 2.0) ** 2
         x, y, z = (p[i] + sine * once[i] + versed * twice[i] for i in range(3))
         first.append(_angle_about(lines[0], (x, y, z), goal))
-    return np.stack([np.stack(first), second], axis=-1), margin >= -TOLERANCE, free
+    return np.stack([np.stack(first), second], axis=-1), margin >= -TRAVEL_ROUNDING, free
 
 
 def _opening(tilt: Array, side1: Array, side2: Array) -> tuple[Array, Array]:
@@ -248,7 +252,7 @@ def _opening(tilt: Array, side1: Array, side2: Array) -> tuple[Array, Array]:
 
     The second result is the margin `(n,)`, rad, by which the triangle closes; at zero it is flat.
     """
-    least, most = np.abs(side1 - side2), np.minimum(side1 + side2, TURN - side1 - side2)
+    least, most = np.abs(side1 - side2), np.minimum(side1 + side2, TURN_RAD - side1 - side2)
     sine2 = np.sin((tilt + side1 - side2) / 2) * np.sin((tilt - side1 + side2) / 2)
     cosine2 = np.sin((side1 + side2 + tilt) / 2) * np.sin((side1 + side2 - tilt) / 2)
     opening = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
@@ -268,9 +272,9 @@ def _inside(q: Array, travel: Array) -> NDArrayBool:
 
 
 def _on_ends(q: Array, travel: Array) -> Array:
-    """Positions with those outside travel by TOLERANCE or less put on its end."""
+    """Positions with those outside travel by `TRAVEL_ROUNDING` or less put on its end."""
     clipped = np.clip(q, *travel)
-    return np.where(np.abs(q - clipped) <= TOLERANCE, clipped, q)
+    return np.where(np.abs(q - clipped) <= TRAVEL_ROUNDING, clipped, q)
 
 
 def _choose(
@@ -280,7 +284,7 @@ def _choose(
 
     fits `(branches, n)`: the linear axes are inside travel. start `(rotary axes,)`, travel `(2, rotary axes)`.
     """
-    limits = np.stack([travel[0] - TOLERANCE, travel[1] + TOLERANCE])
+    limits = np.stack([travel[0] - TRAVEL_ROUNDING, travel[1] + TRAVEL_ROUNDING])
     low, high = limits.tolist()
     rows, chosen = np.flatnonzero(attainable), np.zeros(candidates.shape[1:])
     options, fitting, kept = candidates[:, rows], fits[:, rows], free[rows]
@@ -311,13 +315,13 @@ def _following(
     candidates `(branches, n, rotary axes)`; first: position of the first row; limits `(2, rotary axes)`: of travel.
     """
     own, later = candidates[branch], candidates[:, 1:]
-    turns = np.round((first - own[0]) / TURN) - np.cumsum(np.round(np.diff(own, axis=0) / TURN), axis=0)
-    wound = own[1:] + TURN * turns
+    turns = np.round((first - own[0]) / TURN_RAD) - np.cumsum(np.round(np.diff(own, axis=0) / TURN_RAD), axis=0)
+    wound = own[1:] + TURN_RAD * turns
     wound[:, : int(free[0])] = first[: int(free[0])]
     before = np.concatenate([first[None], wound[:-1]])
     clear = (np.abs(wound - before) < np.pi - DOUBT).all(axis=1) & ~free[1:] & ~free[0]
     for other in np.delete(later, branch, axis=0):
-        nearest = other + TURN * np.round((before - other) / TURN)
+        nearest = other + TURN_RAD * np.round((before - other) / TURN_RAD)
         clear &= np.linalg.norm(nearest - before, axis=1) > np.linalg.norm(wound - before, axis=1) + DOUBT
     unchanged = (later == candidates[:, :-1]).all(axis=(0, 2)) & (free[1:] == free[0])
     best = fits[branch, 1:] | ~fits[:, 1:].any(axis=0)
@@ -329,10 +333,10 @@ def _wound(angles: list[float], previous: list[float], low: list[float], high: l
     """The angles plus whole turns, nearest to `previous`, inside travel where possible; whether all are inside."""
     wound, inside = [], True
     for angle, before, least, most in zip(angles, previous, low, high, strict=True):
-        near = angle + TURN * round((before - angle) / TURN)
+        near = angle + TURN_RAD * round((before - angle) / TURN_RAD)
         if not least <= near <= most:
-            turns = math.ceil((least - near) / TURN) if near < least else math.floor((most - near) / TURN)
-            fitting = near + TURN * turns
+            turns = math.ceil((least - near) / TURN_RAD) if near < least else math.floor((most - near) / TURN_RAD)
+            fitting = near + TURN_RAD * turns
             inside &= least <= fitting <= most
             near = fitting if least <= fitting <= most else near
         wound.append(near)
@@ -362,11 +366,11 @@ def _seeds(previous: Array, travel: Array) -> Array:
 
 def _search(machine: Machine, goal: _Goal, q: Array, travel: Array) -> Array | None:
     """Levenberg-Marquardt from q `(axes,)` inside travel; None when it does not converge."""
-    unit = np.where(machine.rotary, ARM, 1.0)
+    unit = np.where(machine.rotary, ROTARY_ARM_MM, 1.0)
     residual, jacobian = _linearised(machine, goal, q)
     damping = 1e-3
     for _ in range(100):
-        if np.abs(residual).max() <= CONVERGED:
+        if np.abs(residual).max() <= LAST_INVERSE_STEP:
             return q.copy()
         slope = residual @ jacobian
         held = ((q <= travel[0]) & (slope < 0)) | ((q >= travel[1]) & (slope > 0))
@@ -392,5 +396,5 @@ def _linearised(machine: Machine, goal: _Goal, q: Array) -> tuple[Array, Array]:
     point, tool_axis = pose.apply(goal.tool)[0], turn(pose.rotation, TOOL_AXIS)[0]
     slopes = pose_slopes(machine, q, goal.tool)[0]
     moves, tilts = slopes[:3].T, np.cross(slopes[3:].T, tool_axis)
-    residual = np.concatenate([goal.position - point, ARM * (goal.axis - tool_axis)])
-    return residual, np.hstack([moves, ARM * tilts]).T
+    residual = np.concatenate([goal.position - point, ROTARY_ARM_MM * (goal.axis - tool_axis)])
+    return residual, np.hstack([moves, ROTARY_ARM_MM * tilts]).T

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 
-TURN = 360.0
+TURN_DEG = 360.0
 """Degrees."""
 EVERY_OTHER = "default"
 """Name of the entry that holds for all work offsets, or tools, that are not named."""
@@ -73,7 +73,7 @@ class Axis:
     @property
     def turns_fully(self) -> bool:
         """True of a rotary axis that can turn once round or without end: its errors repeat with the turn."""
-        return self.rotary and self.travel[1] - self.travel[0] >= TURN
+        return self.rotary and self.travel[1] - self.travel[0] >= TURN_DEG
 
     @property
     def unit(self) -> str:

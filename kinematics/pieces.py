@@ -1,7 +1,7 @@
 """Error motions at constant conditions as piecewise polynomials of the position of each axis.
 
 A table holds the six error motions of an axis, in its error frame, on the union of the nodes of all its
-effects; pieces are halved until they agree with `ErrorModel.errors` to EXACT. Effects that depend on the direction of
+effects; pieces are halved until they agree with `ErrorModel.errors` to `EXACT_MM`. Effects that depend on the direction of
 approach have a table of their own, with pieces for each direction. Effects that no table holds (of several axes, with
 jumps, with a memory of the moves) are evaluated as they are and added. Beyond the reach of its tables, an axis whose
 errors repeat with the turn is looked up a whole number of turns back.
@@ -18,15 +18,15 @@ import numpy as np
 
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_model.piecewise import AT_TESTS, DEGREE, TESTS, Curvature, Pieces, Table
-from kinematics.machine import TURN, Axis, Machine, NDArrayBool
+from kinematics.error_model.piecewise import AT_TESTS, PIECE_DEGREE, TESTS, Curvature, Pieces, Table
+from kinematics.machine import TURN_DEG, Axis, Machine, NDArrayBool
 from kinematics.state import State
 from kinematics.transforms import Array, read_only
 from kinematics.turn import knots_of
 
-EXACT = 1e-12
+EXACT_MM = 1e-12
 """mm and rad."""
-MARGIN = 5.0
+TABLE_MARGIN = 5.0
 """mm or degrees beyond the travel to which tables reach; further outside the model itself is evaluated."""
 FAR = 1.0
 """Lengths of the travel beyond it to which the tables reach that serve positions beyond the others."""
@@ -34,20 +34,20 @@ ENDLESS_TURNS, ENDLESS_MM = 2.0, 5000.0
 """Reach of the tables of axes without end on either side of zero."""
 MOST_FEATURES = 500.0
 """Features of an effect along the travel, above which it is not put into a table."""
-ARM = 1000.0
+TOOL_ARM_MM = 1000.0
 """Distance, mm, of the tool point from the axes whose error motions turn it, about."""
-ROUNDING = EXACT / 1000.0
+NEGLIGIBLE_COEFFICIENT = EXACT_MM / 1000.0
 """Coefficients of the highest powers, mm and rad, that are rounding of the fit and left out."""
-STEP = 4.0 * EXACT
+SMOOTH_JOINT = 4.0 * EXACT_MM
 """Difference between the ends of two pieces that meet in a smooth error, mm and rad, at most."""
-HALVINGS = 12
-WHOLE_TURN = 2.0 * np.pi
+MOST_PIECE_HALVINGS = 12
+TURN_RAD = 2.0 * np.pi
 """rad."""
 TURNS_AWAY, REPEATS = (-1, 7), 499
 """Turns after which it is tested that errors repeat, and number of positions: a prime, so that no wave hides."""
-NODES = read_only(np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
+NODES = read_only(np.cos(np.pi * (np.arange(PIECE_DEGREE + 1) + 0.5) / (PIECE_DEGREE + 1)))
 """Where a piece is fitted, in its own coordinate -1 ... 1."""
-FIT = read_only(np.linalg.inv(np.vander(NODES, DEGREE + 1, increasing=True)))
+FIT = read_only(np.linalg.inv(np.vander(NODES, PIECE_DEGREE + 1, increasing=True)))
 
 ConstantConditions = Callable[[Array, Array | None], State]
 """The state at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`."""
@@ -95,15 +95,19 @@ class ErrorMotions:
     def slope(self) -> float:
         """Largest change of tool point errors per distance of the linear axes, mm/mm; infinite if errors jump.
 
-        Over the travel, for a tool point that is ARM away from the axes.
+        Over the travel, for a tool point that is `TOOL_ARM_MM` away from the axes.
         """
-        jumps = (bounds.steps.max() > STEP * len(bounds.breaks) for each in self.curvatures.values() for bounds in each)
+        jumps = (
+            bounds.steps.max() > SMOOTH_JOINT * len(bounds.breaks)
+            for each in self.curvatures.values()
+            for bounds in each
+        )
         if not self.complete or any(jumps):
             return np.inf
         total = 0.0
         for i, table in ((i, table) for i, tables in self.tables.items() for table in tables):
             sizes, slopes = table.largest(*self.machine.travel[:, i])
-            total += sizes[1] + (slopes[0] + ARM * slopes[1] if i in self.machine.translators else 0.0)
+            total += sizes[1] + (slopes[0] + TOOL_ARM_MM * slopes[1] if i in self.machine.translators else 0.0)
         return float(total)
 
     def _in_table(self, effect: Effect) -> bool:
@@ -119,7 +123,7 @@ class ErrorMotions:
     def at(self, q: Array, approach: Array | None = None) -> Array:
         """Error motions `(n, axes + 1, 6)` at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`.
 
-        As `ErrorModel.errors` at the constant conditions, to EXACT; a row by the same steps, whichever rows there are
+        As `ErrorModel.errors` at the constant conditions, to `EXACT_MM`; a row by the same steps, whichever rows there are
         beside it. UserError if the model needs directions and there are none.
         """
         near = self._turned_back(q)
@@ -159,7 +163,7 @@ class ErrorMotions:
         beyond = (low < first) | (high > last)
         if not beyond.any() or i not in self._repeating:
             return np.zeros(len(low))
-        return np.where(beyond, np.floor((low - first) / WHOLE_TURN) * WHOLE_TURN, 0.0)
+        return np.where(beyond, np.floor((low - first) / TURN_RAD) * TURN_RAD, 0.0)
 
     @cached_property
     def _repeating(self) -> frozenset[int]:
@@ -168,7 +172,7 @@ class ErrorMotions:
         q, turn = np.zeros((REPEATS, len(self.machine.axes))), np.zeros(len(self.machine.axes))
         for i in turning:
             first, last = self.tables[i][0].breaks[[0, -1]].tolist()
-            q[:, i], turn[i] = np.linspace(first, last, REPEATS), WHOLE_TURN
+            q[:, i], turn[i] = np.linspace(first, last, REPEATS), TURN_RAD
         differences = np.zeros(len(self.machine.axes) + 1)
         directed = any(tables[-1].directed for tables in self.tables.values())
         for way in (-1.0, 0.0, 1.0) if directed else (0.0,):
@@ -178,7 +182,7 @@ class ErrorMotions:
             )
             for each in others:
                 differences = np.maximum(differences, np.abs(each - there).max(axis=(0, 2)))
-        return frozenset(i for i in turning if differences[i] < EXACT)
+        return frozenset(i for i in turning if differences[i] < EXACT_MM)
 
     def _turned_back(self, q: Array) -> Array:
         """The positions `(n, axes)`, mm and rad, with those beyond the reach of the tables whole turns back."""
@@ -263,9 +267,9 @@ def _is_not_directed(effect: Effect) -> bool:
 
 def _reach(axis: Axis, beyond: float) -> tuple[float, float]:
     """Lower and upper end of the table of an axis, mm or degrees; beyond: as of ErrorMotions."""
-    endless = ENDLESS_TURNS * TURN if axis.rotary else ENDLESS_MM
+    endless = ENDLESS_TURNS * TURN_DEG if axis.rotary else ENDLESS_MM
     low, high = axis.travel
-    margin = MARGIN + (beyond * (high - low) if np.isfinite(high - low) else 0.0)
+    margin = TABLE_MARGIN + (beyond * (high - low) if np.isfinite(high - low) else 0.0)
     return (low - margin if np.isfinite(low) else -endless), (high + margin if np.isfinite(high) else endless)
 
 
@@ -288,7 +292,7 @@ def _tables(
     open_pieces = {i: _distinct(found) for i, found in breaks.items()}
     coarse = _fitted(machine, model, state, open_pieces, directed)
     done: dict[int, list[_Fitted]] = {i: [] for i in breaks}
-    for round_ in range(HALVINGS):
+    for round_ in range(MOST_PIECE_HALVINGS):
         found = _fitted(machine, model, state, open_pieces, directed) if round_ else coarse
         open_pieces = {}
         for i, fitted in found.items():
@@ -325,9 +329,9 @@ def _slices(chosen: NDArrayBool) -> tuple[slice, ...]:
 def _flat(coefficients: Array) -> Array:
     """Coefficients `(degree + 1, 6, directions * pieces)`, without rounding, of `_Fitted` pieces in order."""
     ordered = coefficients.swapaxes(0, 2).swapaxes(0, 1)  # degree, components, directions, pieces
-    flat = ordered.reshape(DEGREE + 1, 6, -1)
+    flat = ordered.reshape(PIECE_DEGREE + 1, 6, -1)
     sizes = np.abs(flat).max(axis=(1, 2), initial=0.0)
-    degree = int(np.flatnonzero(sizes >= ROUNDING).max(initial=1))
+    degree = int(np.flatnonzero(sizes >= NEGLIGIBLE_COEFFICIENT).max(initial=1))
     return np.ascontiguousarray(flat[: degree + 1])
 
 
@@ -379,8 +383,8 @@ def _fitted(
     for i, (first, last) in pieces.items():
         values = np.array([each[: len(points[i]), i] for each in errors])
         values = values.reshape(len(ways), len(samples), len(first), 6).swapaxes(2, 3)
-        coefficients = np.einsum("ds,wscp->wdcp", FIT, values[:, : DEGREE + 1])
+        coefficients = np.einsum("ds,wscp->wdcp", FIT, values[:, : PIECE_DEGREE + 1])
         tested = np.einsum("sd,wdcp->wscp", AT_TESTS, coefficients)
-        exact = np.abs(tested - values[:, DEGREE + 1 :]).max(axis=(0, 1)) < EXACT
+        exact = np.abs(tested - values[:, PIECE_DEGREE + 1 :]).max(axis=(0, 1)) < EXACT_MM
         found[i] = _Fitted(first, last, coefficients, exact)
     return found

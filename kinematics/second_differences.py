@@ -38,7 +38,7 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.pieces import ErrorMotions
 from kinematics.transforms import Array
 
-TOGETHER = 32
+PATHS_OF_A_BLOCK = 32
 """Number of neighbouring paths that are bounded together at first."""
 
 
@@ -87,7 +87,7 @@ class _Stretches(NamedTuple):
 
     def joined(self) -> _Stretches:
         """TOGETHER neighbours as one."""
-        first = np.arange(0, self.low.shape[1], TOGETHER)
+        first = np.arange(0, self.low.shape[1], PATHS_OF_A_BLOCK)
         most = (np.maximum.reduceat(column, first, axis=-1) for column in self[1:])
         return _Stretches(np.minimum.reduceat(self.low, first, axis=-1), *most)
 
@@ -178,8 +178,8 @@ class SecondDifferences:
             bend = np.where(tcp, self._bend_under_tcp(start, end, tool, front), 0.0)
             return np.maximum(self._of(_Stretches(low, high, way, bend, reach, size), turned), least)
         stretches, found = _Stretches(low, high, way, np.zeros(n), reach, size), np.full(n, least)
-        together = self._of(stretches.joined(), np.ones(-(-n // TOGETHER), bool))
-        rows = np.flatnonzero(np.repeat(together > least, TOGETHER)[:n])
+        together = self._of(stretches.joined(), np.ones(-(-n // PATHS_OF_A_BLOCK), bool))
+        rows = np.flatnonzero(np.repeat(together > least, PATHS_OF_A_BLOCK)[:n])
         if len(rows):
             found[rows] = np.maximum(self._of(stretches.rows(rows), turned[rows]), least)
         return found

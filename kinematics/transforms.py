@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 AnyArray = TypeVar("AnyArray", bound=np.ndarray[Any, Any])
 
-BLOCK = 4096
+ROWS_OF_BLOCK = 4096
 """Rows of a block of a long column, so that the arrays of a block stay in the cache."""
 
 
 def blocks(n: int) -> Iterator[slice]:
     """The rows 0 ... n - 1, in blocks."""
-    return (slice(start, min(start + BLOCK, n)) for start in range(0, n, BLOCK))
+    return (slice(start, min(start + ROWS_OF_BLOCK, n)) for start in range(0, n, ROWS_OF_BLOCK))
 
 
 def read_only(array: AnyArray) -> AnyArray:

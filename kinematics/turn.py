@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 
 from kinematics.basis import Basis, BSpline, Harmonics, Interval
-from kinematics.machine import TURN, Axis
+from kinematics.machine import TURN_DEG, Axis
 from kinematics.transforms import Array, read_only
 
 CLOSED = 10.0
@@ -37,25 +37,25 @@ def measured_arc(positions: Array) -> Interval:
     It counts upward from its lower end, which is one of the positions; a whole turn if no gap is distinct.
     """
     x = np.asarray(positions, float)
-    turned, first = np.unique(np.round(np.mod(x, TURN), 9) % TURN, return_index=True)
-    gaps = np.diff(np.append(turned, turned[0] + TURN))
+    turned, first = np.unique(np.round(np.mod(x, TURN_DEG), 9) % TURN_DEG, return_index=True)
+    gaps = np.diff(np.append(turned, turned[0] + TURN_DEG))
     widest = int(np.argmax(gaps))
     others = np.delete(gaps, widest)
     low = round(float(x[first[(widest + 1) % len(turned)]]), 9)
     if len(others) and gaps[widest] <= max(CLOSED, SPACING * others.max()):
         start = round(float(x.min()), 9)
-        return start, start + TURN
-    return low, round(low + TURN - float(gaps[widest]), 9)
+        return start, start + TURN_DEG
+    return low, round(low + TURN_DEG - float(gaps[widest]), 9)
 
 
 def swept_arc(low: float, high: float) -> Interval:
     """The arc of the turn that a motion from one position to another, degrees, sweeps; a whole turn where it counts."""
-    return (low, low + TURN) if high - low >= TURN - CLOSED else (low, high)
+    return (low, low + TURN_DEG) if high - low >= TURN_DEG - CLOSED else (low, high)
 
 
 def gap_of(arc: Interval) -> float:
     """Width of the part of the turn, degrees, that was not measured; 0 where the turn counts as measured all round."""
-    gap = TURN - (arc[1] - arc[0])
+    gap = TURN_DEG - (arc[1] - arc[0])
     return gap if gap > CLOSED else 0.0
 
 
@@ -63,8 +63,8 @@ def beyond(arc: Interval, x: Array) -> Array:
     """Distance of positions `(n,)` from the measured arc, degrees along the turn to its nearer end."""
     if not gap_of(arc):
         return np.zeros(len(x))
-    along, width = np.mod(x - arc[0], TURN), arc[1] - arc[0]
-    return np.asarray(np.maximum(np.minimum(along - width, TURN - along), 0.0))
+    along, width = np.mod(x - arc[0], TURN_DEG), arc[1] - arc[0]
+    return np.asarray(np.maximum(np.minimum(along - width, TURN_DEG - along), 0.0))
 
 
 def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
@@ -72,19 +72,19 @@ def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
     if not axis.turns_fully or isinstance(basis, Harmonics):
         return np.asarray(basis.columns(x))
     low, high = basis.interval
-    along, gap = np.mod(x - low, TURN), TURN - (high - low)
+    along, gap = np.mod(x - low, TURN_DEG), TURN_DEG - (high - low)
     if gap > SEAM:
         first, last = _at(basis, low, high)
         share = np.clip((along - (high - low)) / gap, 0.0, 1.0)
         return np.asarray(basis.columns(np.minimum(low + along, high)) + share[:, None] * (first - last))
-    turns = max(round((high - low) / TURN), 1)
-    every = [basis.columns(low + along + k * TURN) for k in range(turns)]
+    turns = max(round((high - low) / TURN_DEG), 1)
+    every = [basis.columns(low + along + k * TURN_DEG) for k in range(turns)]
     columns = np.asarray(np.mean(every, axis=0))
     if isinstance(basis, BSpline) and abs(gap) <= SEAM:
         columns[:, [0, -1]] = columns[:, [0, -1]].mean(axis=1, keepdims=True)
         return columns
-    first, last = _at(basis, low, low + turns * TURN)
-    return np.asarray(columns - (along / TURN)[:, None] * (last - first) / turns)
+    first, last = _at(basis, low, low + turns * TURN_DEG)
+    return np.asarray(columns - (along / TURN_DEG)[:, None] * (last - first) / turns)
 
 
 @lru_cache(maxsize=1024)
@@ -99,7 +99,7 @@ def spread_beyond(arc: Interval, x: Array) -> Array:
     The rise of the harmonic BENDING over its chord across the gap, and 1 where the gap holds a quarter of its wave on
     either side.
     """
-    half = np.deg2rad(SPREAD_HARMONIC * min(gap_of(arc), TURN / 2 / SPREAD_HARMONIC) / 2)
+    half = np.deg2rad(SPREAD_HARMONIC * min(gap_of(arc), TURN_DEG / 2 / SPREAD_HARMONIC) / 2)
     inward = np.minimum(np.deg2rad(SPREAD_HARMONIC * beyond(arc, x)), half)
     return np.asarray(np.cos(half - inward) - np.cos(half))
 
@@ -112,6 +112,6 @@ def knots_of(axis: Axis, basis: Basis, low: float, high: float) -> list[float]:
     if not axis.turns_fully:
         return list(nodes)
     first = basis.interval[0]
-    turns = np.arange(np.floor((low - first) / TURN), np.ceil((high - first) / TURN) + 1.0)
-    within = first + np.mod(np.array([*nodes, first]) - first, TURN)
-    return [float(x) for x in (within[:, None] + TURN * turns).ravel() if low < x < high]
+    turns = np.arange(np.floor((low - first) / TURN_DEG), np.ceil((high - first) / TURN_DEG) + 1.0)
+    within = first + np.mod(np.array([*nodes, first]) - first, TURN_DEG)
+    return [float(x) for x in (within[:, None] + TURN_DEG * turns).ravel() if low < x < high]

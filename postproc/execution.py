@@ -32,10 +32,10 @@ from postproc.text.block import Block, Refusal
 from postproc.text.block_values import straight
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.flow import Flow
-from postproc.text.source import CHUNK, ENCODING, Source
+from postproc.text.source import CHUNK_BLOCKS, ENCODING, Source
 from postproc.write.plain_texts import PlainText
 
-KEPT = 16
+KEPT_CHUNKS = 16
 """Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""
 CALL = "program_call"
 """Kind of a block with CALL PGM."""
@@ -206,7 +206,7 @@ class StoredProgram(StreamedProgram):
                 indices: list[int] = []
                 chunk = _chunk(runs, self.dialect.leads)
                 motions = self.interpreter.read(_noting(chunk, indices))
-                more = len(indices) >= CHUNK
+                more = len(indices) >= CHUNK_BLOCKS
                 yield Part(motions, size, indices)
                 size = 0
         except Refusal as refusal:
@@ -220,7 +220,7 @@ class StoredProgram(StreamedProgram):
             stored = 0
             for part in self.parts():
                 contexts.add(part)
-                if len(kept) < KEPT:
+                if len(kept) < KEPT_CHUNKS:
                     kept.append(part)
                 else:
                     pickle.dump(_read_singly(part), file)
@@ -319,7 +319,7 @@ class _Contexts:
 
 
 class _Chunks(msgspec.Struct):
-    """The blocks of a program in chunks of CHUNK; a chunk does not end at a block that `leads` the next."""
+    """The blocks of a program in chunks of `CHUNK_BLOCKS`; a chunk does not end at a block that `leads` the next."""
 
     items: Iterator[Block | PlainRun]
     leads: Callable[[Block], bool]
@@ -331,11 +331,11 @@ class _Chunks(msgspec.Struct):
         count = 0
         while (item := self._rest or next(self.items, None)) is not None:
             self._rest = None
-            if isinstance(item, PlainRun) and len(item) > (room := max(CHUNK - count, 1)):
+            if isinstance(item, PlainRun) and len(item) > (room := max(CHUNK_BLOCKS - count, 1)):
                 self._rest, item = item.part(room, len(item)), item.part(0, room)
             yield item
             count += len(item) if isinstance(item, PlainRun) else 1
-            if count >= CHUNK and (isinstance(item, PlainRun) or not self.leads(item)):
+            if count >= CHUNK_BLOCKS and (isinstance(item, PlainRun) or not self.leads(item)):
                 return
 
 
@@ -348,7 +348,7 @@ def _chunk(
         yield step
         item = step[1]
         count += len(item) if isinstance(item, PlainRun) else 1
-        if count >= CHUNK and (isinstance(item, PlainRun) or not leads(item)):
+        if count >= CHUNK_BLOCKS and (isinstance(item, PlainRun) or not leads(item)):
             return
 
 

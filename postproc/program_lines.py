@@ -15,7 +15,7 @@ from postproc.text.plain_lines import PlainLines, whole_lines
 from postproc.text.plain_style import PlainStyle
 from postproc.text.source import ENCODING, Source
 
-SHORTEST = 6
+SHORTEST_RUN_LINES = 6
 """Lines of a run, at least: columns of fewer take longer than the lines one by one."""
 
 
@@ -122,7 +122,7 @@ def _runs(plain: NDArrayBool) -> Iterator[tuple[int, int, bool]]:
     """First and last plus one of stretches of equal lines, and whether they are a run of plain lines."""
     edges = np.flatnonzero(np.diff(plain, prepend=False, append=False)).reshape(-1, 2)
     done = 0
-    for start, end in edges[edges[:, 1] - edges[:, 0] >= SHORTEST].tolist():
+    for start, end in edges[edges[:, 1] - edges[:, 0] >= SHORTEST_RUN_LINES].tolist():
         if done < start:
             yield done, start, False
         yield start, end, True

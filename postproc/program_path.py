@@ -22,7 +22,7 @@ from postproc.text.block import Refusal
 from postproc.text.notes import Notes
 from postproc.text.source import Source
 
-SEGMENT_DEG = 0.1
+TCP_SEGMENT_DEG = 0.1
 """Largest angle, degrees, of a segment of a circle or of a move with TCP: straight within 0.2 um at 500 mm."""
 RAPID = re.compile(r"G0*0(?![0-9.])|G28|G30|FMAX", re.IGNORECASE)
 FEED = re.compile(r"G0*1(?![0-9.])", re.IGNORECASE)
@@ -141,7 +141,7 @@ def _segment_counts(motions: Motions) -> np.ndarray:
         start, end = motions.start[row].tolist(), motions.target[row].tolist()
         angle = sweep((start[i], start[j]), (end[i], end[j]), arc.centre, arc.sense, arc.full)
         turned[row] = max(turned[row], abs(np.degrees(angle)))
-    return np.maximum(np.ceil(turned / SEGMENT_DEG - 1e-9), 1).astype(int)
+    return np.maximum(np.ceil(turned / TCP_SEGMENT_DEG - 1e-9), 1).astype(int)
 
 
 def _length(motions: Motions, moves: Array) -> Array:

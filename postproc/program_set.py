@@ -23,7 +23,7 @@ from postproc.text.calls.listing import Passed
 from postproc.text.dialect_evidence import TITLES, definite, evidence
 from postproc.text.expressions import NotKnown, Scope, evaluate
 from postproc.text.line_numbers import first_line
-from postproc.text.source import CHUNK, ENCODING, Source, open_source
+from postproc.text.source import CHUNK_BLOCKS, ENCODING, Source, open_source
 from postproc.text.statements import Assign, Call, Code, Modal, When
 
 PROBING_MACRO = re.compile(r"O9[78]\d\d")
@@ -144,8 +144,8 @@ class ProgramSet:
         state, index = self._interpreter.control_state, len(self.blocks)
         for item in read_blocks(replace(source, before=source.before + before), self.dialect, self._axes):
             if isinstance(item, PlainRun):
-                for line in range(0, len(item), CHUNK):
-                    self.runs[index + line] = item.part(line, min(line + CHUNK, len(item)))
+                for line in range(0, len(item), CHUNK_BLOCKS):
+                    self.runs[index + line] = item.part(line, min(line + CHUNK_BLOCKS, len(item)))
                 yield from map(item.block, range(len(item)))
                 index += len(item)
             else:

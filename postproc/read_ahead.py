@@ -11,7 +11,7 @@ from kinematics.running.child_process import ChildProcess, LostProcess
 from postproc.text.plain_lines import PlainLines, whole, whole_lines
 from postproc.text.plain_style import PlainStyle
 
-AHEAD = 3
+PIECES_AHEAD = 3
 """Pieces of a program that are read ahead, at most: each takes some megabytes."""
 PATIENCE_S = 0.02
 """Time in which the lines of about one piece are read."""
@@ -79,14 +79,14 @@ def _by(
     process.give(b"")  # its answer shows that the process has begun
     begun = False
     while True:
-        waiting.extend(map(_Waiting, itertools.islice(pieces, AHEAD + 2 - len(waiting))))
+        waiting.extend(map(_Waiting, itertools.islice(pieces, PIECES_AHEAD + 2 - len(waiting))))
         if not waiting:
             return
         if not begun and process.answers_within(0.0):
             process.answer()
             begun = True
         first, last = waiting[0], waiting[-1]
-        for ahead in itertools.islice(waiting, 1, AHEAD + 1) if begun else ():
+        for ahead in itertools.islice(waiting, 1, PIECES_AHEAD + 1) if begun else ():
             if not ahead.given and ahead.lines is None:
                 process.give(ahead.piece)
                 ahead.given = True

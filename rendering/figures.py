@@ -24,17 +24,17 @@ SIZES = "@sizes"
 """Colours of sizes from zero to the largest, by the page."""
 MACHINE, INSTRUMENT, UNEXPLAINED = COLOURS[0], COLOURS[1], "#8a8f98"
 BEFORE, AFTER = COLOURS[:2]
-MANY = 4000
+MOST_DRAWN_POINTS = 4000
 """Most points that are drawn of one kind."""
-SCENE = 640
+SCENE_HEIGHT_PX = 640
 """Height, px, of a 3-D scene that stands alone; a flat one is lower."""
-FEW = 6
+FEW_BARS = 6
 """Most bars of a ranking that have much room."""
-LONG = 1800.0
+HOURS_FROM_S = 1800.0
 """Duration, s, from which times are shown in hours."""
 ENDS = {0.0: "left", 1.0: "right"}
 HOVER = "%{x}: %{y:.2f} ± %{customdata:.2f}<extra>%{fullData.name}</extra>"
-DIGITS = 5
+DRAWN_DIGITS = 5
 """Significant digits of drawn numbers."""
 Trace = dict[str, Any]
 
@@ -87,10 +87,10 @@ def grid(panels: Sequence[Panel], across: int, **form: Any) -> Figure:
 
 def clock(seconds: Array) -> tuple[float, str]:
     """Length, s, of the unit in which these times are shown, and the label of their axis."""
-    return (3600.0, "time, h") if np.ptp(seconds) >= LONG else (1.0, "time, s")
+    return (3600.0, "time, h") if np.ptp(seconds) >= HOURS_FROM_S else (1.0, "time, s")
 
 
-def some(rows: np.ndarray, most: int = MANY) -> np.ndarray:
+def some(rows: np.ndarray, most: int = MOST_DRAWN_POINTS) -> np.ndarray:
     """At most `most` of these rows, evenly spread."""
     return np.asarray(rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(int)])
 
@@ -167,7 +167,7 @@ def ranked(rows: Sequence[tuple[str, float, str]], label: str, unit: str = "%") 
     for number, (name, share, _) in enumerate(rows):
         text = f"{name}: <b>{percent(share) if unit == '%' else f'{share:.2f} {unit}'}</b>"
         panel.notes.append({"x": 0, "y": number - 0.5, "text": text, "xanchor": "left", "yanchor": "middle"})
-    return Figure([panel], height=70 + (46 if len(rows) <= FEW else 36) * len(rows))
+    return Figure([panel], height=70 + (46 if len(rows) <= FEW_BARS else 36) * len(rows))
 
 
 def percent(share: float) -> str:
@@ -259,5 +259,5 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_plain(each) for each in value]
     if isinstance(value, (float, np.floating)):
-        return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+        return float(f"{value:.{DRAWN_DIGITS}g}") if np.isfinite(value) else None
     return value.item() if isinstance(value, np.generic) else value

@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
 FOLDED = 20
 """Most rows of a table that is not folded."""
-WORD = 16
+BREAKABLE_CHARACTERS = 16
 """Length of a word, in characters, from which it may be broken."""
 PHONE = 364
 """Width of the page of a phone, px."""
-USUAL, TIGHT = (8.0, 7.2), (7.0, 4.0)
+USUAL_LETTER_PX, TIGHT_LETTER_PX = (8.0, 7.2), (7.0, 4.0)
 """Width, px, of a letter of a table there and of the gap behind a column, in usual and in small print."""
 BROAD, SLIM = "mwMWOQGµ", "iljtfrI.,:;|()[]/-"
 """Letters that are wider and narrower than others, by half of a letter."""
 BOLD = 1.13
 """Width of a letter of the heading row, in letters."""
-SHORT = 26
+UNBROKEN_CHARACTERS = 26
 """Most characters of the cells of a first column that are not broken on a wide page."""
 NUMBER = re.compile(r"[-+<>≤≥ ]*\d[\d.,]*(e[-+]?\d+)?( ± [\d.,]+)?( ?%)?")
 HERE = Path(__file__).parent
@@ -94,15 +94,17 @@ def css_text(text: str) -> str:
 
 def _unbroken(text: str) -> bool:
     """True for a cell with a word that may be wider than a column of a phone: a name of a file."""
-    return max(map(len, text.split()), default=0) > WORD
+    return max(map(len, text.split()), default=0) > BREAKABLE_CHARACTERS
 
 
 def _form(table: Table) -> Form:
     columns = [[name, *cells] for name, *cells in zip(table.head, *table.rows, strict=True)]
     numeric = [number > 0 and _numbers(cells[1:]) for number, cells in enumerate(columns)]
     words = [max(BOLD * _widest(cells[:1]), _widest(cells[1:])) for cells in columns]
-    fits = [sum(letter * letters + gap for letters in words) <= PHONE for letter, gap in (USUAL, TIGHT)]
-    short = max((len(cell) for cell in columns[0]), default=0) <= SHORT
+    fits = [
+        sum(letter * letters + gap for letters in words) <= PHONE for letter, gap in (USUAL_LETTER_PX, TIGHT_LETTER_PX)
+    ]
+    short = max((len(cell) for cell in columns[0]), default=0) <= UNBROKEN_CHARACTERS
     return Form(numeric, "" if fits[0] else "tight" if fits[1] else "cards", short)
 
 
@@ -113,8 +115,8 @@ def _widest(cells: Sequence[str]) -> float:
 
 def _letters(word: str) -> float:
     """Width of a word, in letters; a long word may be broken."""
-    broad, slim = (sum(letter in kind for letter in word[:WORD]) for kind in (BROAD, SLIM))
-    return min(len(word), WORD) + (broad - slim) / 2.0
+    broad, slim = (sum(letter in kind for letter in word[:BREAKABLE_CHARACTERS]) for kind in (BROAD, SLIM))
+    return min(len(word), BREAKABLE_CHARACTERS) + (broad - slim) / 2.0
 
 
 def _numbers(cells: Sequence[str]) -> bool:

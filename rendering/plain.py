@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 DROPPED = {ord(character): None for character in "\a\b\v\f\r"}
 """Control characters that move the cursor of a terminal."""
-WIDTH = 100
+PIPE_WIDTH = 100
 """Width, in characters, of a table that is printed into a pipe."""
-WORD = 24
+UNBROKEN_WORD_CHARACTERS = 24
 """Length, in characters, up to which a word is not broken."""
 LATIN = "\u0300"
 """Characters before this one take one column each."""
@@ -91,13 +91,14 @@ def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
     words = [max((len(word) for cell in column for word in cell.split()), default=0) for column in columns]
     widths = full.copy()
     while sum(widths) > room:
-        widest = max(range(len(widths)), key=lambda i: (widths[i] > min(WORD, words[i]), widths[i]))
-        if widths[widest] <= min(WORD, words[widest]):
+        widest = max(range(len(widths)), key=lambda i: (widths[i] > min(UNBROKEN_WORD_CHARACTERS, words[i]), widths[i]))
+        if widths[widest] <= min(UNBROKEN_WORD_CHARACTERS, words[widest]):
             return None
         widths[widest] -= 1
     # among equal columns Rich may make another one narrower, by one character
     broken = any(
-        word > WORD and width < whole and width <= word for width, whole, word in zip(widths, full, words, strict=True)
+        word > UNBROKEN_WORD_CHARACTERS and width < whole and width <= word
+        for width, whole, word in zip(widths, full, words, strict=True)
     )
     return None if broken else widths
 

@@ -10,14 +10,14 @@ from kinematics.user_error import UserError
 from rendering.browser import pdf_of
 
 MARK = b'name="generator" content="ncomp"'
-HEAD = 1 << 16
+PAGE_HEAD_BYTES = 1 << 16
 """Bytes in which a page is recognised."""
 
 
 def printed_page(page: Path) -> bytes:
     """The PDF of a page that a command has written; UserError for another file, and without a browser."""
     content = read_input(page, "report")
-    if MARK not in content[:HEAD]:
+    if MARK not in content[:PAGE_HEAD_BYTES]:
         kind = kind_of_file(content) or "another kind of file"
         raise UserError(f"report {page}: expected a page written by --report, found {kind}")
     return pdf_of(page)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rendering.report import Report, Section, Table
 
-ROWS = 40
+MOST_NOTEBOOK_ROWS = 40
 """Largest number of rows of a table in a notebook."""
 VIEWS: dict[str, Callable[[Any], Report]] = {}
 """The report of a result, by the name of its class; the packages of the public functions fill it."""
@@ -72,8 +72,8 @@ def _table(table: Table) -> str:
     from html import escape
 
     head = "".join(f"<th>{escape(name)}</th>" for name in table.head)
-    rows = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in table.rows[:ROWS]]
-    more = len(table.rows) - ROWS
+    rows = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in table.rows[:MOST_NOTEBOOK_ROWS]]
+    more = len(table.rows) - MOST_NOTEBOOK_ROWS
     end = f"<p>{more} more rows</p>" if more > 0 else ""
     body = "".join(f"<tr>{row}</tr>" for row in rows)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{end}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rendering.plain import WIDTH, WORD, PlainText, plain_table
+from rendering.plain import PIPE_WIDTH, UNBROKEN_WORD_CHARACTERS, PlainText, plain_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,7 +50,7 @@ def _facts(rows: Sequence[Sequence[str]], to: Console | PlainText) -> None:
 def _print_table(table: Table, to: Console | PlainText) -> None:
     if not isinstance(to, PlainText):
         to.print(_grid(table, to))
-    elif (text := plain_table(table, WIDTH)) is not None and to.in_unicode:
+    elif (text := plain_table(table, PIPE_WIDTH)) is not None and to.in_unicode:
         to.print(text)
     else:
         to.rich.print(_grid(table, to.rich))
@@ -63,9 +63,9 @@ def _grid(table: Table, to: Console) -> Grid:
     grid = Grid(box=box.SIMPLE, padding=(0, 1, 0, 0))
     for name, *cells in zip(table.head, *table.rows, strict=True):
         longest = max(len(word) for cell in (name, *cells) for word in [*cell.split(), ""])
-        grid.add_column(name, overflow="fold", min_width=min(longest, WORD))
+        grid.add_column(name, overflow="fold", min_width=min(longest, UNBROKEN_WORD_CHARACTERS))
     for row in table.rows:
         grid.add_row(*row)
-    options = to.options.update(width=to.width if to.is_terminal else WIDTH)
+    options = to.options.update(width=to.width if to.is_terminal else PIPE_WIDTH)
     grid.width = to.measure(grid, options=options).maximum
     return grid

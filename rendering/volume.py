@@ -21,9 +21,9 @@ from kinematics.transforms import Array
 from rendering.figures import Figure, Panel, arrows, colour_axis, grid, heat
 from rendering.report import Section
 
-TOOL_MM = 100.0
+DRAWN_TOOL_MM = 100.0
 """Length of the tool in the volume, mm."""
-GRID = 6
+DRAWN_GRID_POSITIONS = 6
 """Positions along each axis of the grid whose RMS and largest values the text states."""
 CELLS = 21
 """Positions along each side of a plane."""
@@ -57,7 +57,7 @@ class Place(NamedTuple):
     def usual(cls, machine: Machine) -> Place:
         """With a usual tool, and the axes at home."""
         home = tuple((np.array([axis.home for axis in machine.axes]) * machine.scale).tolist())
-        return cls(f"a tool of {TOOL_MM:g} mm, rotary axes at home", (0.0, 0.0, -TOOL_MM), home)
+        return cls(f"a tool of {DRAWN_TOOL_MM:g} mm, rotary axes at home", (0.0, 0.0, -DRAWN_TOOL_MM), home)
 
 
 class Field(NamedTuple):
@@ -115,7 +115,7 @@ def volume_section(
     place = place or Place.usual(machine)
     lines = [TEXT.format(place=place.text)]
     if sizes:
-        q = _positions(place, bounds, [GRID] * len(bounds)).reshape(-1, len(machine.axes))
+        q = _positions(place, bounds, [DRAWN_GRID_POSITIONS] * len(bounds)).reshape(-1, len(machine.axes))
         found = [field.sentence(_values(machine, place, field, bounds, q).size) for field in fields]
         lines = [*found, f"{lines[0]} {SIZES.format(count=len(q))}"]
     yield Section("Map of the volume", "\n".join(lines), figure=partial(_maps, machine, place, fields, bounds))
@@ -223,5 +223,5 @@ def _direction(machine: Machine, q: Array, i: int) -> Array:
     """Direction `(3,)`, in the workpiece frame, in which the tool moves with a positive command of a linear axis."""
     ends = np.vstack([q[0, 0], q[0, 0]])
     ends[1, i] += 1.0
-    start, end = tool_point(machine, ends, (0.0, 0.0, -TOOL_MM))
+    start, end = tool_point(machine, ends, (0.0, 0.0, -DRAWN_TOOL_MM))
     return np.asarray(end - start)

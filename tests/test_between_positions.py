@@ -16,7 +16,7 @@ import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.curves.line_shares import line_shares
-from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
+from calibration.fit.curves.smooth_process import CORRELATIONS, PROCESS_SIZES_UM, Process, Processes, _Evidence
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, priors, rigid_model, with_effects
 from kinematics.basis import BSpline
@@ -90,7 +90,7 @@ def test_lines_of_one_class_show_their_size_together(true, least, most):
 
 def test_known_values_leave_no_uncertainty_at_them():
     x = np.linspace(0.0, 600.0, 7)
-    size = int(np.argmin(np.abs(SIZES - 10.0)))
+    size = int(np.argmin(np.abs(PROCESS_SIZES_UM - 10.0)))
     rough, smooth = (
         Processes(
             x,

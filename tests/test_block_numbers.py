@@ -35,7 +35,7 @@ PROGRAM = """0 BEGIN PGM A MM
 
 def corrected(text, model, chunk=4096):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", chunk)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", chunk)
         lines, _ = written(text, GANTRY, model, "heidenhain", setup=SETUP)
     return lines
 

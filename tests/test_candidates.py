@@ -10,7 +10,7 @@ from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.effects import AngleHarmonic, Backlash, Effect, TrackerDrift
-from kinematics.error_model.priors import SIZES
+from kinematics.error_model.priors import SIZES_IN_TYPICAL
 
 
 def term_of(observations: Observations, effect: Effect) -> Term:
@@ -39,8 +39,13 @@ def candidates() -> Candidates:
 def rise(structure: Structure, term: Term) -> float:
     """Log evidence that a term adds, its sizes equally likely."""
     beside = structure.with_terms((*structure.terms, term))
-    each = [beside.resized(np.concatenate([structure.band_sizes, structure.term_sizes, [size]])) for size in SIZES]
-    return float(np.logaddexp.reduce([one.log_evidence for one in each]) - np.log(len(SIZES)) - structure.log_evidence)
+    each = [
+        beside.resized(np.concatenate([structure.band_sizes, structure.term_sizes, [size]]))
+        for size in SIZES_IN_TYPICAL
+    ]
+    return float(
+        np.logaddexp.reduce([one.log_evidence for one in each]) - np.log(len(SIZES_IN_TYPICAL)) - structure.log_evidence
+    )
 
 
 @pytest.mark.parametrize("without", [(), (0,), (1,), (0, 1)])

@@ -18,7 +18,7 @@ from support.history_cases import calibration, entries
 
 from history.certificate.conformity import Statement
 from history.entries import Quantity
-from kinematics.files.certificate import LARGEST, SPACES, fingerprint_of
+from kinematics.files.certificate import MOST_CERTIFICATE_BYTES, SPACES, fingerprint_of
 
 DETAILS = """\
 [certificate]
@@ -288,7 +288,7 @@ def test_an_edited_certificate_is_refused_and_another_layout_is_not(cal, tmp_pat
         ('<digitalCalibrationCertificate/>', "no Digital Calibration Certificate"),
         ('<dcc:digitalCalibrationCertificate xmlns:dcc="https://ptb.de/dcc"/>', "carries no result of ncomp"),
         ('<?xml version="1.0" encoding="klingon"?><digitalCalibrationCertificate/>', "cut or damaged"),
-        ("<digitalCalibrationCertificate>" + " " * LARGEST + "</digitalCalibrationCertificate>", "at most 64 MB are read"),
+        ("<digitalCalibrationCertificate>" + " " * MOST_CERTIFICATE_BYTES + "</digitalCalibrationCertificate>", "at most 64 MB are read"),
         ('<?xml version="1.0"?><svg/>', "this is an XML file, no calibration"),
     ],
     ids=["entities", "cut", "namespace", "foreign", "encoding", "size", "other"],
@@ -362,7 +362,7 @@ def test_a_document_that_expands_without_end_is_no_result(cal):
         return refusal("compare", cal, forged)
 
     whole = gzip.compress(cal.read_bytes())
-    for content in (gzip.compress(b" " * (LARGEST + 1), 1), whole[:-9], b"no gzip"):
+    for content in (gzip.compress(b" " * (MOST_CERTIFICATE_BYTES + 1), 1), whole[:-9], b"no gzip"):
         assert "carries no result of ncomp" in with_document(content)
 
 

@@ -51,7 +51,7 @@ def test_chunks_of_any_size_give_one_text(writer, play, part, seed, size):
     text = writer().program(part)
     whole = written(text, GANTRY, model, writer.name)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", size)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", size)
         assert written(text, GANTRY, model, writer.name) == whole
 
 
@@ -91,7 +91,7 @@ def test_turns_of_rotary_axes_do_not_depend_on_chunks(dialect, steps, size):
     text = turning_program(dialect, steps)
     whole = written(text, DMU50, model, dialect, setup)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", size)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", size)
         assert written(text, DMU50, model, dialect, setup) == whole
 
 
@@ -100,7 +100,7 @@ def test_the_limit_of_a_correction_is_that_of_its_own_tool(size, monkeypatch):
     """A long tool later in the program allows a short one no larger corrections, whatever the chunk they stand in."""
     tilted = ErrorMotion("A", "Z", Legendre((0.0, 400.0), 0), (100.0,), u=(0.1,))
     shifted = ErrorMotion("Y", "X", Legendre((0.0, 1.0), 1), (0.0, 0.1), u=(0.1, 0.1))
-    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", size)
     text = "G21 G90 G17 G54\nT1 M6\nG43 H1\nG0 X10. Y10. Z100. B0 C0\n{}M30\n"
     setup = setup_of(DMU50, tools=["T1=10", "T2=300"], datums=["G54=true"])
     limits = []

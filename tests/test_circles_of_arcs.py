@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from postproc.motion.circle_columns import moved_centres
-from postproc.motion.circles import CLOSE, OUT_OF_ROUND, SHORT_ARC, moved_centre, point_at
+from postproc.motion.circles import OUT_OF_ROUND, RADIUS_DIFFERENCE_MM, SHORT_ARC, moved_centre, point_at
 from postproc.motion.moves import Arc
 from postproc.write.arcs import NominalArc
 
@@ -54,7 +54,7 @@ def difference(circle, start, end):
 def test_ends_of_an_arc_that_are_shifted_differently_stay_on_one_circle(arc):
     """Also by a share of the radius that has no first order: an end that was not corrected, before a rotary axis."""
     circle, start, end = arc
-    assert difference(circle, start, end) <= 2 * CLOSE + 1e-3 * math.dist(start, circle.arc.centre)
+    assert difference(circle, start, end) <= 2 * RADIUS_DIFFERENCE_MM + 1e-3 * math.dist(start, circle.arc.centre)
     assert circle.round_off(start, end) is None or difference(circle, start, end) > OUT_OF_ROUND / 2
 
 

@@ -10,7 +10,7 @@ from support.programs import correct, load, model_of, random_model
 
 import machines
 from kinematics.basis import Polynomial
-from kinematics.correction import DAMPING, correct_orientation, correct_position
+from kinematics.correction import POLE_DAMPING_RAD, correct_orientation, correct_position
 from kinematics.effects import Cyclic, ErrorMotion, LocationJump
 from kinematics.error_model.classes import CLASSES, ELEMENTARY, class_of, parse_classes, select
 from kinematics.error_model.model import ErrorModel, read_model, write_model
@@ -110,7 +110,7 @@ def test_orientation_is_corrected_off_the_poles(name):
     assert before.max() > 30e-6
     assert after[far].max() < 0.01 * before.max()
     assert (after <= before * (1 + 1e-3)).all()
-    assert np.abs(turned - q).max() <= 1.01 * before.max() / (2 * DAMPING) + 1e-6
+    assert np.abs(turned - q).max() <= 1.01 * before.max() / (2 * POLE_DAMPING_RAD) + 1e-6
     reached = tool_point(machine, corrected, tool, errors(corrected))
     assert np.abs(reached - tool_point(machine, q, tool)).max() < 1e-8
 

@@ -114,7 +114,7 @@ def test_many_chunks_see_the_same_past(log, monkeypatch):
     model = model_of(GANTRY, DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0, lag_s=900.0))
     text = HEAD + "X5.0\nZ50.0\n" * 20
     whole = corrected(model, make_conditions(log=path), text)
-    monkeypatch.setattr("postproc.execution.CHUNK", 3)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", 3)
     part = corrected(model, make_conditions(log=path), text)
     assert whole[0] == part[0] == f"Z{50 + 0.06 * (1 - np.exp(-1)):.4f}"
 

@@ -441,5 +441,5 @@ def test_the_probe_is_as_long_as_the_first_tool_wherever_a_chunk_ends(monkeypatc
     whole = [there.probe for there in touch_offs("\n".join(lines) + "\n", machine, **setup)]
     assert whole == [None, 80.0, 80.0, 80.0, 80.0, 80.0]
     for size in (1, 2, 3):
-        monkeypatch.setattr(execution_module, "CHUNK", size)
+        monkeypatch.setattr(execution_module, "CHUNK_BLOCKS", size)
         assert [there.probe for there in touch_offs("\n".join(lines) + "\n", machine, **setup)] == whole

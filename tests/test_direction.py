@@ -222,7 +222,7 @@ def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tc
         assume(not TOO_SMALL.search(str(refusal)))
         raise
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", 4)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", 4)
         part = correct(text, machine, model, **setup, travel_check=False)
     assert part.text == whole.text
     assert part.report.notes == whole.report.notes

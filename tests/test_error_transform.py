@@ -20,7 +20,7 @@ from kinematics.derived import MODULES
 from kinematics.deviation import exact_deviation
 from kinematics.forward import forward, tool_point
 from kinematics.machine import Axis, Machine
-from kinematics.transforms import BLOCK, Array
+from kinematics.transforms import ROWS_OF_BLOCK, Array
 from machines import derive as shipped
 from tests.support.first_order import first_order_deviation
 
@@ -343,10 +343,10 @@ def test_the_tools_own_displacement_to_first_order(name):
 
 @pytest.mark.parametrize("deviation", [exact_deviation, first_order_deviation])
 def test_long_tables_are_worked_through_in_blocks(deviation):
-    machine, n = machines.load("dmu50"), 2 * BLOCK + 3
+    machine, n = machines.load("dmu50"), 2 * ROWS_OF_BLOCK + 3
     q, tool, errors = poses(machine, n, seed=10)
     errors *= 1e-5
-    rows = np.array([0, BLOCK - 1, BLOCK, 2 * BLOCK, n - 1])
+    rows = np.array([0, ROWS_OF_BLOCK - 1, ROWS_OF_BLOCK, 2 * ROWS_OF_BLOCK, n - 1])
     whole = deviation(machine, q, errors, tool)
     assert stacked(whole)[rows] == pytest.approx(stacked(deviation(machine, q[rows], errors[rows], tool[rows])))
     assert whole.position.shape == whole.orientation.shape == (n, 3)
@@ -355,8 +355,8 @@ def test_long_tables_are_worked_through_in_blocks(deviation):
 @pytest.mark.parametrize(
     ("n", "deviation"),
     quick(
-        [(n, deviation) for n in (3, BLOCK + 2) for deviation in (exact_deviation, first_order_deviation)],
-        [(3, exact_deviation), (3, first_order_deviation), (BLOCK + 2, first_order_deviation)],
+        [(n, deviation) for n in (3, ROWS_OF_BLOCK + 2) for deviation in (exact_deviation, first_order_deviation)],
+        [(3, exact_deviation), (3, first_order_deviation), (ROWS_OF_BLOCK + 2, first_order_deviation)],
     ),
 )
 def test_one_row_of_positions_errors_or_tool_serves_for_all(deviation, n):

@@ -44,7 +44,7 @@ NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="pr
 @pytest.fixture(name="always")
 def _always(monkeypatch):
     """Programs of any size are evaluated in a second process."""
-    monkeypatch.setattr("postproc.correct.pipeline.LARGE", 0)
+    monkeypatch.setattr("postproc.correct.pipeline.SECOND_PROCESS_BYTES", 0)
 
 
 @drawn(
@@ -58,9 +58,9 @@ def _always(monkeypatch):
 )
 def test_the_results_are_those_of_one_process(program, seed, size, piece):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", size)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", size)
         alone = corrected(job_of(program, seed))
-        patch.setattr("postproc.correct.pipeline.LARGE", 0)
+        patch.setattr("postproc.correct.pipeline.SECOND_PROCESS_BYTES", 0)
         patch.setattr("postproc.evaluation.evaluation_process.ChildProcess", Here)
         patch.setattr("postproc.read_ahead.ChildProcess", Here)
         patch.setattr("postproc.text.source.PIECE", piece)
@@ -78,7 +78,7 @@ def test_the_errors_before_are_those_that_the_correction_has_found(program, seed
 @pytest.mark.usefixtures("always")
 @pytest.mark.parametrize("head", quick(["", "G43.4 H1\n"], ["G43.4 H1\n"]), ids=["axes", "tcp"])
 def test_a_process_gives_the_results_of_one(head, monkeypatch):
-    monkeypatch.setattr("postproc.execution.CHUNK", 50)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", 50)
     monkeypatch.setattr("postproc.text.source.PIECE", 300)
     text = f"{HEAD}T1 M6\nG0 X60 Y0 Z200 B0 C0\n{head}{MOVES * 40}"
     job = Job(source_of(text), find_dialect("iso", "", ""), DMU50, random_model(DMU50, 4), setup_of(DMU50, tools=["T1=80"]),
@@ -104,7 +104,7 @@ def test_the_first_move_that_is_worse_is_refused(last, size, monkeypatch):
     monkeypatch.setattr(Guard, "check_ends", found)
     monkeypatch.setattr("postproc.evaluation.evaluation_process.ChildProcess", Here)
     monkeypatch.setattr("postproc.read_ahead.ChildProcess", Here)
-    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", size)
     worse.update({4: "the first", 5: "the second"})
     text = f"{HEAD}G1 X200. F500\nX210.\nX220.\nX230.\n{last}"
     messages = []

@@ -72,7 +72,7 @@ def test_which_blocks_run(name):
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.parametrize("size", [1, 3])
 def test_chunks_run_as_the_whole(monkeypatch, name, size):
-    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", size)
     text, expected = RUNS[name]
     assert ends(text) == pytest.approx(expected, abs=1e-9)
 

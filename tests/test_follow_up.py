@@ -7,7 +7,7 @@ import pytest
 from support.bench import BENCH, by_interferometer, five_axes, in_motion, planned, seen, swept
 from support.tiers import quick
 
-from calibration.follow_up.design import MOST_ROWS
+from calibration.follow_up.design import MOST_DESIGN_ROWS
 from calibration.follow_up.designs import follow_up_designs
 from calibration.instruments import Part
 from calibration.observation.normal_equations import residuals
@@ -43,7 +43,7 @@ def test_a_design_is_a_measurement_that_follows_the_data(case):
     for design in found:
         more = design.measurement
         assert design.minutes > 0.0
-        assert 0 < len(more) <= 2 * MOST_ROWS
+        assert 0 < len(more) <= 2 * MOST_DESIGN_ROWS
         assert set(registration.names) <= set(design.registration.names)
         assert set(np.unique(more.groups)) <= {*design.registration.poses, *(g for g in design.registration.zeros)}
         missed = residuals(more, no_errors(data.machine), design.registration)

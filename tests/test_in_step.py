@@ -60,7 +60,7 @@ def test_the_verdict_is_that_of_whole_programs(program, seed, size, chunk):
     text = corrected(job).get("text")
     assume(text is not None)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", chunk)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", chunk)
         parts = [read_motions(s, job.dialect, job.machine, job.setup) for s in (job.source, source_of(text))]
     verifier, whole = (Verifier(job.machine, job.model, job.conditions, 0.5) for _ in range(2))
     for moves in in_step(*parts, size):
@@ -91,7 +91,7 @@ def test_contributions_are_those_of_evenly_spaced_moves(monkeypatch):
     text, model = zigzag(60), random_model(GANTRY, 3)
     done = correct(text, GANTRY, model, tolerance_um=1e3).text
     every = verify(read(text, GANTRY), read(done, GANTRY), model).contributions
-    monkeypatch.setattr(contributions, "ROWS", 30)
+    monkeypatch.setattr(contributions, "LEAST_CONTRIBUTION_MOVES", 30)
     counts, some = set(), []
     for size in (9, 40, 4096):
         verifier = Verifier(GANTRY, model, ncomp.conditions(), 1.0)
@@ -135,7 +135,7 @@ def refusal(nominal, commanded):
 
 @pytest.mark.parametrize("chunk", [1, 4096])
 def test_a_refused_line_comes_before_other_moves_and_the_original_first(chunk, monkeypatch):
-    monkeypatch.setattr("postproc.execution.CHUNK", chunk)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", chunk)
     monkeypatch.setattr("postproc.verification.in_step.in_step.__defaults__", (chunk,))
     good, early = zigzag(3), HEAD + "G1 X[5\n" + zigzag(3)
     late = zigzag(3).replace("M30", "G1 X#\nM30")
@@ -147,10 +147,10 @@ def test_a_refused_line_comes_before_other_moves_and_the_original_first(chunk, m
 
 @pytest.mark.statistical
 def test_memory_does_not_grow_with_the_programs(tmp_path, monkeypatch):
-    monkeypatch.setattr("postproc.execution.CHUNK", 256)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", 256)
     monkeypatch.setattr("postproc.text.source.PIECE", 4096)
     monkeypatch.setattr("postproc.verification.in_step.in_step.__defaults__", (256,))
-    monkeypatch.setattr(contributions, "ROWS", 100)
+    monkeypatch.setattr(contributions, "LEAST_CONTRIBUTION_MOVES", 100)
     peaks, path = [], tmp_path / "in.nc"
     for lines in (2_000, 2_000, 12_000):
         path.write_text(HEAD + "".join(f"G1 X{i % 97}.5 Y{i % 89}.25 Z{i % 83}.125\n" for i in range(lines)))

@@ -20,7 +20,7 @@ from postproc.iso.reading.lines import read_block
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal
 from postproc.text.notes import Notes
-from postproc.text.source import CHUNK
+from postproc.text.source import CHUNK_BLOCKS
 
 RAPID, LINE, ARC, MACHINE = Kind.RAPID, Kind.LINE, Kind.ARC, Kind.MACHINE
 ROOT = math.sqrt(0.5)
@@ -587,7 +587,7 @@ def test_integers_in_an_inch_program_have_no_known_increment():
 
 
 def test_a_program_without_end(monkeypatch):
-    monkeypatch.setattr("postproc.text.flow.LONGEST", 1000)
+    monkeypatch.setattr("postproc.text.flow.MOST_RUN_BLOCKS", 1000)
     assert "the program does not end within 1000 blocks" in refusal("#1=0\nN5 #1=#1+1\nGOTO5\n")
 
 
@@ -609,8 +609,8 @@ def test_chunks_read_as_the_whole(monkeypatch, size):
     names = ("work offset without motion", "machine coordinates", "tool length", "absolute and increments")
     text = "G90\n".join(GOLDEN[name][0] for name in names)
     whole = read(text, load("gantry"), **G54)
-    assert len(text) < CHUNK
-    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    assert len(text) < CHUNK_BLOCKS
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", size)
     assert as_tables(read(text, load("gantry"), **G54)) == as_tables(whole)
 
 

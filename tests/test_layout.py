@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.tiers import drawn
 
-from kinematics.error_model.layout import WIDTH, to_json
+from kinematics.error_model.layout import LINE_WIDTH, to_json
 
 values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -26,7 +26,7 @@ def test_numbers_fill_lines(numbers, depth):
     for _ in range(depth):
         value = {"a name of some length": value}
     lines = to_json(value).splitlines()
-    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, lines)) <= LINE_WIDTH
     assert len(lines) <= 3 + 2 * depth + len(json.dumps(numbers)) // 70
 
 

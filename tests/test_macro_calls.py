@@ -110,7 +110,7 @@ def test_which_blocks_run(name):
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.parametrize("size", [1, 2])
 def test_chunks_run_as_the_whole(monkeypatch, name, size):
-    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", size)
     text, expected = RUNS[name]
     np.testing.assert_allclose(places(text), expected, atol=1e-9)
 

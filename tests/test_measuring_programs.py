@@ -122,7 +122,7 @@ def test_linuxcnc_runs_its_program(ncomp, linuxcnc):
 
 
 def test_a_path_of_a_siemens_control(ncomp, monkeypatch):
-    monkeypatch.setattr(path_search, "TRIES", 50)  # any path
+    monkeypatch.setattr(path_search, "IMPROVEMENT_TRIES", 50)  # any path
     made = ncomp(
         *("plan", "path", "--machine", "cframe", "--target", "t=0,0,-120", "--length-m", "2", "--feed", "2500"),
         *("-o", "path.csv", "--nc", "path.mpf", "--dialect", "siemens"),

@@ -11,7 +11,14 @@ import ncomp
 from kinematics.basis import Legendre
 from kinematics.effects import ErrorMotion, LocationError
 from postproc.control_data.sheet import sheet
-from postproc.control_data.tables.mesh_moves import DEFAULT, FINEST, Segments, Splitting, departure, largest_departure
+from postproc.control_data.tables.mesh_moves import (
+    DEFAULT,
+    KLIPPER_FINEST,
+    Segments,
+    Splitting,
+    departure,
+    largest_departure,
+)
 from postproc.control_data.tables.terms import Surface
 
 
@@ -52,7 +59,7 @@ def test_the_sheet_states_the_settings_and_the_limit():
     assert "move_check_distance: 3" in loading
     stated = [float(um) for um in re.findall(r"up to ([\d.]+) um", loading)]
     assert stated == pytest.approx(
-        [1e3 * largest_departure(mesh_of(exported), each) for each in (DEFAULT, FINEST)], abs=0.06
+        [1e3 * largest_departure(mesh_of(exported), each) for each in (DEFAULT, KLIPPER_FINEST)], abs=0.06
     )
     assert stated[0] > stated[1] > 3.0
     square = model_of(machine, LocationError("C", "Y", 40.0))
@@ -91,7 +98,7 @@ def test_klippers_own_code_departs_as_stated(klipper, number):
     rng = np.random.default_rng(3)
     low, high = (np.array([given[f"{end}_{axis}"] for axis in "xy"]) for end in ("min", "max"))
     moves = rng.uniform(low, high, (number, 2, 2))
-    for splitting in (DEFAULT, FINEST):
+    for splitting in (DEFAULT, KLIPPER_FINEST):
         settings = {name: getattr(splitting, name) for name in ("split_delta_z", "move_check_distance")}
         found, own = [], []
         for (start, end), move in zip(moves, klipper.split(given, rows, settings, moves.tolist(), 400), strict=True):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
-from kinematics.files.mistaken import HEAD, PROGRAM, did_you_mean, kind_of_file
+from kinematics.files.mistaken import KIND_HEAD_BYTES, PROGRAM, did_you_mean, kind_of_file
 from kinematics.user_error import UserError
 from postproc.text.source import open_source
 
@@ -39,7 +39,7 @@ def test_the_kind_of_a_file(data, kind):
     assert bool(kind_of_file(data)) == bool(kind)
 
 
-@given(st.text("#()%\r\n \tGXinstrume: 1", max_size=HEAD).map(str.encode))
+@given(st.text("#()%\r\n \tGXinstrume: 1", max_size=KIND_HEAD_BYTES).map(str.encode))
 def test_no_file_takes_long(data):
     start = time.process_time()
     kind_of_file(data)
@@ -49,7 +49,7 @@ def test_no_file_takes_long(data):
 @pytest.mark.parametrize("line", [b"# a\r\n", b"(a) \r\n", b"%\r\n", b" \t", b"(a)(b)"])
 def test_many_lines_before_the_end_take_no_longer(line):
     start = time.process_time()
-    kind_of_file(line * (HEAD // len(line)) + b"!")
+    kind_of_file(line * (KIND_HEAD_BYTES // len(line)) + b"!")
     assert time.process_time() - start < 1.0
 
 

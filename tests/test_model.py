@@ -34,7 +34,7 @@ from kinematics.error_model.model import ErrorModel, decode_model, encode_model,
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.state import State
-from kinematics.transforms import BLOCK, Array
+from kinematics.transforms import ROWS_OF_BLOCK, Array
 from kinematics.user_error import UserError
 from machines.calibrations.dmu50_demonstration import demonstration
 from tests.support.first_order import first_order_deviation
@@ -198,12 +198,12 @@ def test_a_transform_of_other_places_is_refused():
 
 
 def test_long_tables_are_worked_through_in_blocks_but_memory_is_kept():
-    state = many_states(BLOCK + 100, seed=16)
-    outlier = Outliers((BLOCK + 50,), (1e3, 0.0, 0.0))
+    state = many_states(ROWS_OF_BLOCK + 100, seed=16)
+    outlier = Outliers((ROWS_OF_BLOCK + 50,), (1e3, 0.0, 0.0))
     model = msgspec.structs.replace(no_errors(DMU50), effects=(*MANY, outlier))
     errors, shift = model.observation(DMU50, state)
-    assert shift[BLOCK + 50, 0] - shift[BLOCK + 49, 0] > 0.9
-    rows = slice(BLOCK - 3, BLOCK + 3)
+    assert shift[ROWS_OF_BLOCK + 50, 0] - shift[ROWS_OF_BLOCK + 49, 0] > 0.9
+    rows = slice(ROWS_OF_BLOCK - 3, ROWS_OF_BLOCK + 3)
     memoryless = msgspec.structs.replace(model, effects=tuple(e for e in MANY if not e.HAS_MEMORY))
     some, whole = (memoryless.errors(DMU50, part) for part in (state.rows(rows), state))
     assert whole[rows] == pytest.approx(some, rel=1e-14)

@@ -29,7 +29,7 @@ SPOILT = ["X", "Y-", "G", "G91 ", "G2", "#", "[", "]", "(", ")", "%", "/", ";", 
 def soon_endless():
     """A spoilt loop that does not end is refused after so many blocks, and not after two million."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(flow, "LONGEST", 100_000)
+        patched.setattr(flow, "MOST_RUN_BLOCKS", 100_000)
         yield
 
 

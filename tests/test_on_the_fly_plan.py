@@ -20,7 +20,7 @@ from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.on_the_fly.along_path import on_path
 from calibration.on_the_fly.drive import PathDynamics, driven, duration
 from calibration.on_the_fly.planning import path_search as planner
-from calibration.on_the_fly.planning.noise_gain import PRIOR, SAMPLE_MM, Volume
+from calibration.on_the_fly.planning.noise_gain import LARGEST_CELL_MM, PRIOR, Volume
 from calibration.on_the_fly.planning.path_search import best_path
 from calibration.on_the_fly.planning.predicted_fit import evaluated_path
 from calibration.planning.strategies import plan
@@ -105,7 +105,7 @@ def test_the_information_is_that_of_the_design_across_the_path():
                     np.diff(tool_point(machine, start_at + share * (end_at - start_at), tool), axis=0), axis=1
                 )
             )
-            n = int(np.ceil((length - 10.0) / SAMPLE_MM))
+            n = int(np.ceil((length - 10.0) / LARGEST_CELL_MM))
             at = (5.0 + (np.arange(n) + 0.5) * (length - 10.0) / n) / length
             q = start_at + at[:, None] * (end_at - start_at)
             way = 1e-6 * (end_at - start_at)
@@ -127,8 +127,8 @@ def test_moves_that_corners_swallow_say_nothing():
 
 
 def test_a_planned_path_is_better_than_random_ones_and_keeps_its_length(monkeypatch):
-    monkeypatch.setattr(planner, "STARTS", 3)
-    monkeypatch.setattr(planner, "TRIES", 40)
+    monkeypatch.setattr(planner, "RANDOM_PATHS", 3)
+    monkeypatch.setattr(planner, "IMPROVEMENT_TRIES", 40)
     told = []
     found = best_path(volume(), 12_000.0, np.random.default_rng(3), told.append)
     assert sum(told) == 43
@@ -149,8 +149,8 @@ def test_a_planned_path_is_better_than_random_ones_and_keeps_its_length(monkeypa
 
 
 def test_a_seed_plans_one_path(monkeypatch):
-    monkeypatch.setattr(planner, "STARTS", 2)
-    monkeypatch.setattr(planner, "TRIES", 6)
+    monkeypatch.setattr(planner, "RANDOM_PATHS", 2)
+    monkeypatch.setattr(planner, "IMPROVEMENT_TRIES", 6)
     one, again = (best_path(volume(), 6_000.0, np.random.default_rng(3)) for _ in range(2))
     np.testing.assert_array_equal(one.corners, again.corners)
 
@@ -275,8 +275,8 @@ def machine_file(tmp_path):
 @pytest.mark.usefixtures("machine_file")
 def test_plan_simulate_fit(command, monkeypatch, tmp_path):
     """All the way: a path, its program, readings along it, a calibration that knows nothing of the truth."""
-    monkeypatch.setattr(planner, "STARTS", 2)
-    monkeypatch.setattr(planner, "TRIES", 6)
+    monkeypatch.setattr(planner, "RANDOM_PATHS", 2)
+    monkeypatch.setattr(planner, "IMPROVEMENT_TRIES", 6)
     fixed = ["--machine", "fixed.toml"]
     done = command(
         "plan",

@@ -32,7 +32,7 @@ from postproc.control.state import ControlState
 from postproc.control.without_effect import unused_set_up
 from postproc.control_data.tool_tables import ToolTable
 from postproc.correct.mark import mark_in
-from postproc.evaluation.evaluation import STRAIGHT, Evaluation
+from postproc.evaluation.evaluation import STRAIGHT_SHARE, Evaluation
 from postproc.text.source import ENCODING, chunks
 from postproc.verification.verify import verify
 
@@ -97,7 +97,7 @@ def test_chunks_of_any_size_give_the_same_bytes(name, seed):
     whole = correct(text, machine, model, **setup)
     for size in (1, 3, 7):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("postproc.execution.CHUNK", size)
+            patch.setattr("postproc.execution.CHUNK_BLOCKS", size)
             part = correct(text, machine, model, **setup)
         assert part.text == whole.text
         assert part.report.notes == whole.report.notes
@@ -255,7 +255,7 @@ def test_every_form_of_a_file_is_kept(name):
     ],
 )
 def test_place_of_the_mark(monkeypatch, text, place, size):
-    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", size)
     machine = load("gantry")
     output = correct(text, machine, shifted(machine, X=-10.0)).text
     lines = re.split(r"(?<=\n)", output)
@@ -275,7 +275,7 @@ def test_the_mark_names_program_machine_and_calibration():
 
 
 def test_a_mark_far_down_is_found(monkeypatch):
-    monkeypatch.setattr("postproc.execution.CHUNK", 10)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", 10)
     machine = load("gantry")
     marked = correct("G0 X1\n", machine, shifted(machine, X=1.0)).text
     with pytest.raises(UserError, match=r":101: .*already corrected by ncomp \(calibration [0-9A-F]+\); --force"):
@@ -506,15 +506,15 @@ def test_errors_between_ends_follow_from_those_at_the_ends(head, play_um):
         counts[-1] += len(rows)
         return evaluate(evaluation, motions, commanded, states, rows, *shares)
 
-    for share in (STRAIGHT, -1.0):
+    for share in (STRAIGHT_SHARE, -1.0):
         counts.append(0)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("postproc.evaluation.evaluation.STRAIGHT", share)
+            patch.setattr("postproc.evaluation.evaluation.STRAIGHT_SHARE", share)
             patch.setattr(Evaluation, "_errors_between", counted)
             found.append(correct(text, dmu50, model, tools=["T1=80"], travel_check=False))
     by_ends, exact = found
     assert by_ends.text == exact.text
     assert counts[0] < counts[1] - 40
     ours, theirs = by_ends.report.between_ends, exact.report.between_ends
-    assert (ours.largest, ours.rms) == pytest.approx((theirs.largest, theirs.rms), abs=STRAIGHT)
+    assert (ours.largest, ours.rms) == pytest.approx((theirs.largest, theirs.rms), abs=STRAIGHT_SHARE)
     assert ours.count == theirs.count

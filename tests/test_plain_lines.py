@@ -588,7 +588,7 @@ def test_chunks_of_any_size_give_the_same_arcs(text, size):
     model = model_of_errors(REFUSING)
     whole = outcome(text, DMU50, model)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", size)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", size)
         assert outcome(text, DMU50, model) == whole
 
 

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from rendering.plain import WIDTH, PlainText, is_plain, plain_table
+from rendering.plain import PIPE_WIDTH, PlainText, is_plain, plain_table
 from rendering.report import Report, Section, Table
 from rendering.terminal import show
 
@@ -45,16 +45,16 @@ LONG = "x" * 40
 def test_reports_are_the_text_of_rich(table):
     report = Report("title", "lead", [Section("Table", "A line.\nAnother.\ta\rb", table)], "Verdict.", "Refused.")
     plain, rich = in_a_pipe(report).decode(), by_rich(report).decode()
-    if max(map(len, rich.splitlines())) < WIDTH:  # nothing is over several lines
+    if max(map(len, rich.splitlines())) < PIPE_WIDTH:  # nothing is over several lines
         assert plain == rich
     assert sorted(plain.replace("─", "").split()) == sorted(rich.replace("─", "").split())
 
 
 def test_wide_tables_have_cells_over_several_lines():
     rows = [["backlash of X", "word " * 30, "1.0"], ["cyclic", "another " * 20, "2.0"]]
-    text = plain_table(Table(["cause", "reason", "um"], rows), WIDTH)
+    text = plain_table(Table(["cause", "reason", "um"], rows), PIPE_WIDTH)
     assert text is not None
-    assert {len(line) for line in text.splitlines()} == {WIDTH}
+    assert {len(line) for line in text.splitlines()} == {PIPE_WIDTH}
     assert text.count("word") == 30
     report = Report("title", "lead", [Section("Table", "", Table(["cause", "reason", "um"], rows))])
     assert in_a_pipe(report).decode() == by_rich(report).decode()
@@ -67,8 +67,8 @@ def test_tables_without_lines_in_ascii():
 
 
 def test_a_table_of_too_many_columns_is_for_rich():
-    assert plain_table(Table(["a" * 22] * 4, []), WIDTH) is not None
-    assert plain_table(Table(["a" * 23] * 4, []), WIDTH) is None
+    assert plain_table(Table(["a" * 22] * 4, []), PIPE_WIDTH) is not None
+    assert plain_table(Table(["a" * 23] * 4, []), PIPE_WIDTH) is None
 
 
 @pytest.mark.parametrize("name", ["FORCE_COLOR", "TTY_COMPATIBLE"])

@@ -26,7 +26,7 @@ from kinematics.error_model.model import ErrorModel, read_model, write_model
 from kinematics.error_model.provenance import Provenance, reference
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import BLOCK
+from kinematics.transforms import ROWS_OF_BLOCK
 from kinematics.user_error import UserError
 from rendering.si import si
 
@@ -142,7 +142,7 @@ def test_against_kinematics_of_each_point(tmp_path):
 
 def test_lagged_sensor_over_long_tables(tmp_path):
     """An effect that remembers earlier rows: the same as from all rows at once, values and uncertainties."""
-    n = 2 * BLOCK + 100
+    n = 2 * ROWS_OF_BLOCK + 100
     rng = np.random.default_rng(3)
     warm = np.cumsum(rng.normal(0, 0.1, n)) + 22.0
     rows = "\n".join(f"{i % 5000},0,0,{5.0 * i},{warm[i]:.6f}" for i in range(n))

@@ -11,7 +11,7 @@ from support.tiers import drawn
 
 from kinematics.running.child_process import LostProcess
 from postproc.dialects import find_dialect
-from postproc.read_ahead import AHEAD, read_ahead
+from postproc.read_ahead import PIECES_AHEAD, read_ahead
 from postproc.text.plain_lines import whole_lines
 
 AXES = "XYZBC"
@@ -78,10 +78,10 @@ def test_the_lines_are_those_of_one_process(text, size, begin, lost):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("postproc.read_ahead.ChildProcess", process)
         check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
-    assert process.most <= AHEAD + 1
+    assert process.most <= PIECES_AHEAD + 1
 
 
-@pytest.mark.parametrize("begin", [0, 1, AHEAD, 3 * AHEAD])
+@pytest.mark.parametrize("begin", [0, 1, PIECES_AHEAD, 3 * PIECES_AHEAD])
 def test_a_process_that_begins_late_reads_the_pieces_behind(begin, monkeypatch):
     tasks = []
 

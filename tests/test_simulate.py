@@ -315,7 +315,7 @@ def test_one_seed_one_measurement_whatever_is_worked_through_together(monkeypatc
 
     first = once()
     assert np.array_equal(first, once())
-    monkeypatch.setattr("calibration.simulation.simulate.AT_A_TIME", 100)
+    monkeypatch.setattr("calibration.simulation.simulate.ROWS_AT_A_TIME", 100)
     assert once() == pytest.approx(first, abs=1e-12)
 
 
@@ -329,7 +329,7 @@ def test_effects_with_memory_are_not_cut(monkeypatch):
         return observe(GANTRY, model_of(GANTRY, effects), state, TRACKER, rng_of(5), poses).observed
 
     first = once()
-    monkeypatch.setattr("calibration.simulation.simulate.AT_A_TIME", 32)
+    monkeypatch.setattr("calibration.simulation.simulate.ROWS_AT_A_TIME", 32)
     assert once() == pytest.approx(first, abs=1e-12)
 
 

@@ -175,5 +175,5 @@ def test_pieces(monkeypatch):
     """A spline across the pieces in which a program is read."""
     text = f"{HEAD}CSPLINE\n{POINTS}G1 X60\nM30\n"
     whole = correct(text, model=BOWED)
-    monkeypatch.setattr(execution, "CHUNK", 3)
+    monkeypatch.setattr(execution, "CHUNK_BLOCKS", 3)
     assert correct(text, model=BOWED) == whole

@@ -98,8 +98,8 @@ def test_chunks_in_a_file_give_the_same_text(writer, kept, part, play, seed):
     text = writer().program(part)
     whole = written(text, GANTRY, model, writer.name)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.execution.CHUNK", 3)
-        patch.setattr("postproc.execution.KEPT", kept)
+        patch.setattr("postproc.execution.CHUNK_BLOCKS", 3)
+        patch.setattr("postproc.execution.KEPT_CHUNKS", kept)
         assert written(text, GANTRY, model, writer.name) == whole
 
 
@@ -138,7 +138,7 @@ LATE = "#1=0\nN50 #1=#1+1\nG1 X30. F100\nG0 X31.\nIF[#1 LT 3]GOTO50\nM30\n"
 )  # fmt: skip
 def test_a_jump_that_is_found_on_the_way(straight, size, monkeypatch):
     """The result is that of a program that is known to jump, also where a block before is refused."""
-    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK_BLOCKS", size)
     text = HEAD + straight + LATE
     assert results(text, stored=False) == results(text, stored=True)
 

@@ -30,7 +30,7 @@ from calibration.fit.fit import fit
 from calibration.observation.full_model import parse_basis, with_effects
 from calibration.simulation.true_model import TABLE_1
 from calibration.study.cases import Case, read_cases
-from calibration.study.chunks import SIZE, Chunk, Prepared
+from calibration.study.chunks import DRAWS_OF_CHUNK, Chunk, Prepared
 from calibration.study.definition import study_of
 from calibration.study.exact import compared, measurement_of
 from calibration.study.run import Draws, Result, run
@@ -187,7 +187,7 @@ def test_draws_scatter_as_the_law_of_propagation(design):
     by_errors = remaining(ones, ready.fits.true_observed) * (true_models.high - true_models.low) / np.sqrt(12.0)
     by_noise = remaining(np.zeros((len(ones), rows)), np.eye(rows))
     expected = (np.sum(by_errors**2) + np.sum(by_noise**2)) / (len(fitted) / 3)
-    squares = np.concatenate([ready.outcome(Chunk(k, SIZE)).after[0] ** 2 for k in range(20)])
+    squares = np.concatenate([ready.outcome(Chunk(k, DRAWS_OF_CHUNK)).after[0] ** 2 for k in range(20)])
     assert abs(squares.mean() - expected) < 4.0 * squares.std() / np.sqrt(len(squares))
 
 
@@ -374,7 +374,7 @@ def test_tolerance_decides_how_many_draws():
     assert coarse.converged
     assert fine.converged
     assert coarse.after.shape[1] < fine.after.shape[1]
-    assert fine.after.shape[1] % SIZE == 0
+    assert fine.after.shape[1] % DRAWS_OF_CHUNK == 0
     ended = results([paper_case()], Draws(None, 1e-3, most=150))[0]
     assert not ended.converged
     assert ended.after.shape[1] == 150

@@ -23,7 +23,7 @@ from postproc.control_data.formats import formats_of
 from postproc.control_data.remaining_error import volume_points
 from postproc.control_data.tables.export_tables import export
 from postproc.control_data.tables.table_format import TableFormat
-from postproc.control_data.tables.table_probe import SIZE, probe
+from postproc.control_data.tables.table_probe import PROBED, probe
 
 FORMATS = formats_of(TableFormat)
 
@@ -181,8 +181,8 @@ def test_the_probe_is_one_node(case: Case):
     over = machine.index("X" if form.capabilities is None or form.capabilities(settings).own else "Y")
     q[:, over] = np.linspace(*machine.axes[over].travel, 2001)
     errors = model.errors(machine, State(q * machine.scale, np.ones(q.shape)))[:, i, 0]
-    assert np.abs(errors).max() == pytest.approx(SIZE, rel=0.06)
-    assert np.mean(np.abs(errors) > 0.001 * SIZE) < 0.5
+    assert np.abs(errors).max() == pytest.approx(PROBED, rel=0.06)
+    assert np.mean(np.abs(errors) > 0.001 * PROBED) < 0.5
 
 
 @pytest.mark.usefixtures("few_positions")

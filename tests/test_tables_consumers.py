@@ -14,7 +14,7 @@ from kinematics.effects import Backlash, ErrorMotion, LocationError
 from kinematics.error_model.model import write_model
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.control_data.tables.mesh_moves import FINEST, Cells, departure, largest_departure
+from postproc.control_data.tables.mesh_moves import KLIPPER_FINEST, Cells, departure, largest_departure
 from postproc.control_data.tables.terms import Surface
 
 LEFT = {
@@ -117,7 +117,10 @@ def test_klipper_splits_a_corrected_move_within_what_the_page_states(klipper):
     machine = load(MACHINE)
     exported = ncomp.export(machine, "klipper", model_of(machine, *SKEW, *BOW))
     mesh = next(term.factors[0] for term in exported.content.terms if isinstance(term.factors[0], Surface))
-    settings = {"split_delta_z": FINEST.split_delta_z, "move_check_distance": FINEST.move_check_distance}
+    settings = {
+        "split_delta_z": KLIPPER_FINEST.split_delta_z,
+        "move_check_distance": KLIPPER_FINEST.move_check_distance,
+    }
     rng = np.random.default_rng(5)
     positions = rng.uniform([0.0, 0.0, 0.0], [1800.0, 1500.0, 400.0], (20, 3))
     moves = klipper.corrected(exported.files["ncomp.cfg"], settings, positions.tolist())
@@ -125,7 +128,7 @@ def test_klipper_splits_a_corrected_move_within_what_the_page_states(klipper):
     q[:, columns] = positions
     ends = exported.moves(q, np.zeros_like(q))[:, columns]
     assert max(map(len, moves)) > 3
-    limit = 1.05 * largest_departure(mesh, FINEST)
+    limit = 1.05 * largest_departure(mesh, KLIPPER_FINEST)
     for start, end, parts in zip(ends[:-1], ends[1:], moves, strict=True):
         nodes = np.array([start, *parts])
         assert parts[-1] == pytest.approx(end, abs=2e-5)  # Klipper looks the mesh up behind its skew

@@ -13,7 +13,7 @@ from support.virtual_measurements import THREE, measured, positions, truth, writ
 import machines
 from calibration.fit.bases.common import common_basis
 from calibration.fit.calibrate import calibrate
-from calibration.fit.together import CONTRADICTED, calibrate_together
+from calibration.fit.together import CONTRADICTION_P, calibrate_together
 from calibration.instruments import Interferometer
 from calibration.measurement.joining import by_instrument, joined
 from calibration.measurement.plan import Choices
@@ -101,7 +101,7 @@ def test_a_machine_that_has_changed_between_the_measurements_is_found(shop):
     (spheres, _), model = shop
     lines = (*(effect for effect in model.effects if not isinstance(effect, Scale)), Scale("X", 700.0))
     both = calibrate_together([spheres, lengths(model_of(DMU50, lines))], force=True)
-    assert min(part.p_value for part in both.parts) < CONTRADICTED
+    assert min(part.p_value for part in both.parts) < CONTRADICTION_P
     assert "CONTRADICTS the other measurements" in together_report(both, "ncomp fit").verdict
 
 

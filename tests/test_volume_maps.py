@@ -9,7 +9,7 @@ from kinematics.deviation import exact_deviation
 from kinematics.effects import EFFECTS, Backlash, CrossAxis, LocationError, ThermalDrift
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
-from rendering.volume import CELLS, TOOL_MM, Field, uncertainty_of, volume_section
+from rendering.volume import CELLS, DRAWN_TOOL_MM, Field, uncertainty_of, volume_section
 
 
 def drawn(machine, *fields):
@@ -20,7 +20,7 @@ def drawn(machine, *fields):
 
 def relative_error(machine, model, q):
     """Exact errors of the tool point at axis positions `(n, axes)`, um, relative to the last one."""
-    found = exact_deviation(machine, q, model.errors(machine, State(q)), (0.0, 0.0, -TOOL_MM)).position * 1e3
+    found = exact_deviation(machine, q, model.errors(machine, State(q)), (0.0, 0.0, -DRAWN_TOOL_MM)).position * 1e3
     return found[:-1] - found[-1]
 
 

@@ -18,7 +18,7 @@ from calibration.circles.result import Limit, Share, Shares
 from calibration.circles.spikes import spikes_by_feed
 from calibration.circles.terms import OTHER, named_sizes, shape_of, terms_of
 from calibration.diagnosis.candidates import Candidates
-from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, judged, period_of
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged, judged, period_of
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.diagnosis.forms import plain
 from calibration.diagnosis.search import Search
@@ -32,14 +32,14 @@ from calibration.measurement.measurement import Measurement
 from calibration.plausibility.misfit import misfit
 from kinematics.effects import Cyclic
 from kinematics.effects.base import own_component
-from kinematics.error_model.priors import SIZES
+from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
 FREE_MM = 10.0
 """Prior size of changes of centre and length, mm: a centre is within 20 mm (`plausibility`)."""
-SEEN = 0.1
+LEAST_DISTANCE_CHANGE = 0.1
 """Change of the distance by a shift of the table ball, RMS, below which circles do not show its direction."""
-PERIODS = 8
+DETECTION_PERIODS = 8
 """Number of periods of a cyclic error for which detection limits are worked out."""
 
 
@@ -58,7 +58,7 @@ def _clear(candidates: Candidates, dictionary: Dictionary) -> Candidates:
     """The likeliest terms without those that are not clear against none, one after the other."""
     while candidates.structure.terms:
         least = min(judged(candidates), key=lambda each: each.log_odds)
-        if least.log_odds >= CLEAR:
+        if least.log_odds >= CLEAR_LOG_ODDS:
             break
         rest = [term for term in candidates.structure.terms if term is not least.term]
         structure = candidates.structure.with_terms(rest).fitted()
@@ -177,7 +177,7 @@ class _Result:
             return []
         low, high = self._observations.measurement.moving[axis]
         shortest = shortest_period(self._observations.measurement, axis)
-        periods = np.geomspace(shortest, max((high - low) / FEWEST_TURNS, shortest), PERIODS).tolist()
+        periods = np.geomspace(shortest, max((high - low) / FEWEST_TURNS, shortest), DETECTION_PERIODS).tolist()
         waves = [
             plain(self._observations, Cyclic(own_component(axis), axis, period, (0.0,), (0.0,))) for period in periods
         ]
@@ -193,8 +193,8 @@ class _Result:
         along = structure.through(signal[:, None])[:, 0]
         seen = float(signal @ signal - along @ structure.posterior.covariance @ along / factor) / factor
         typical = 1.0 / float(np.sqrt(np.mean(alike**2)))
-        needed = 2.0 * (CLEAR - term.log_prior) + float(np.log1p(seen * typical**2))
-        return float(np.sqrt(needed / seen)) if needed < seen * (SIZES[-1] * typical) ** 2 else np.inf
+        needed = 2.0 * (CLEAR_LOG_ODDS - term.log_prior) + float(np.log1p(seen * typical**2))
+        return float(np.sqrt(needed / seen)) if needed < seen * (SIZES_IN_TYPICAL[-1] * typical) ** 2 else np.inf
 
     def _offset(self) -> tuple[dict[str, float], dict[str, float]]:
         """Shift of the first table ball from its stated centre, um, and its standard uncertainty."""
@@ -202,7 +202,7 @@ class _Result:
         name, centre = next(iter(misfit(own.measurement)[1].sphere_centres.items()))
         shift = 1e3 * (centre - np.array(own.measurement.spheres[name]))
         mean, covariance = self._posterior.mean, self._posterior.covariance
-        seen = [k for k in range(3) if _rms(own.registration[self._rows, 0, k]) > SEEN]
+        seen = [k for k in range(3) if _rms(own.registration[self._rows, 0, k]) > LEAST_DISTANCE_CHANGE]
         offset = {"xyz"[k]: float(shift[k] - 1e3 * mean[k]) for k in seen}
         return offset, {"xyz"[k]: float(1e3 * np.sqrt(covariance[k, k])) for k in seen}
 

@@ -16,11 +16,11 @@ import numpy as np
 from calibration.circles.terms import feeds_of, spike_by_feed, time_of, ways_of
 from calibration.diagnosis.candidates import Candidates
 
-SHORTEST_MM, LONGEST_MM = 1e-3, 10.0
+SHORTEST_SPIKE_MM, LONGEST_SPIKE_MM = 1e-3, 10.0
 """Range of the distances: from far below that of rows, to a tenth of the axes' travel on a small circle."""
-POINTS, PASSES = 25, 4
+TRIED_DISTANCES, CLOSER_PASSES = 25, 4
 """Distances that are tried at a time, and how often closer ones."""
-AROUND = 4.0
+NEXT_PASS_SIGMA = 4.0
 """Standard deviations on either side of the mean that the distances of the next pass cover."""
 SAME_KEPT = 2.0
 """Difference of two feeds in standard deviations up to which they agree."""
@@ -72,14 +72,14 @@ def _logarithm(candidates: Candidates, number: int, feed: float) -> tuple[float,
     axis, ways = str(term.where), ways_of(observations.measurement, term)
     elsewhere = spike_by_feed(observations, axis, {other: way for other, way in ways.items() if other != feed})
     beside = candidates.beside((*(each for each in structure.terms if each is not term), elsewhere))
-    tried = np.linspace(np.log(SHORTEST_MM), np.log(LONGEST_MM), 2 * POINTS)
-    for _ in range(PASSES):
+    tried = np.linspace(np.log(SHORTEST_SPIKE_MM), np.log(LONGEST_SPIKE_MM), 2 * TRIED_DISTANCES)
+    for _ in range(CLOSER_PASSES):
         odds = beside.exact([spike_by_feed(observations, axis, {feed: way}) for way in np.exp(tried).tolist()])
         weights = np.exp(odds - odds.max())
         mean = float(weights @ tried / weights.sum())
         u = float(np.sqrt(weights @ (tried - mean) ** 2 / weights.sum()))
-        reach = AROUND * max(u, float(tried[1] - tried[0]) / 2.0)
-        tried = np.linspace(mean - reach, mean + reach, POINTS)
+        reach = NEXT_PASS_SIGMA * max(u, float(tried[1] - tried[0]) / 2.0)
+        tried = np.linspace(mean - reach, mean + reach, TRIED_DISTANCES)
     return mean, u
 
 

@@ -44,7 +44,7 @@ MOST_WAVES = 20
 """Most of their waves on a turn, as the degree of an error motion."""
 SPIKE_MM = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0)
 """Distances over which a reversal spike decays; the search refines them."""
-SHAPES = 8
+NEIGHBOUR_DISTANCES = 8
 """Distances, or times, between two neighbours at a time."""
 CURVED_POSITIONING = 0.5
 """Prior odds of a curved positioning error: controls compensate it more often than a bow, which looks alike."""
@@ -214,12 +214,12 @@ def _spikes(observations: Observations, axis: str) -> Iterator[Term]:
 def _spike(observations: Observations, axis: str, shape: str, near: Sequence[float]) -> Term:
     """A spike at both ends of an axis with a shape, between those of its neighbours."""
     low, own, high = near
-    values = np.geomspace(low, high, SHAPES + 2).tolist()
+    values = np.geomspace(low, high, NEIGHBOUR_DISTANCES + 2).tolist()
     return replace(
         spike_by_feed(observations, axis, _ways(observations.measurement, {shape: own})),
         name=f"reversal-spike {axis} {shape} {own:.9g}",
         shape={shape: own},
-        finer=lambda: [_spike(observations, axis, shape, values[i : i + 3]) for i in range(SHAPES)],
+        finer=lambda: [_spike(observations, axis, shape, values[i : i + 3]) for i in range(NEIGHBOUR_DISTANCES)],
     )
 
 

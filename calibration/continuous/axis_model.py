@@ -39,13 +39,13 @@ from kinematics.version import VERSION
 
 NODE_UM, NODE_U = 0.05, 0.5
 """Largest deviation of the linear interpolation from the estimate: um, and as a share of its median uncertainty."""
-MOST_NODES = 600
+MOST_CURVE_NODES = 600
 """Largest number of nodes of a table, because the file contains their covariance."""
 CHANGES = 3.0
 """Least difference of the reversal at a position from its mean that counts as a change, in standard uncertainties."""
 JUMP_MM = 0.05
 """Least distance of the nodes beside a jump from it, mm."""
-SAME = 1e-6
+SAME_TARGET = 1e-6
 """Difference, mm or degrees, up to which two positions or targets are the same."""
 
 
@@ -76,7 +76,10 @@ def line_of(measurements: Sequence[Measurement], axis: str) -> Line:
         stood.append(positions)
         targets.append(measurement.tool[rows])
     line = Line(np.concatenate(stood)[0], np.concatenate(targets)[0])
-    if np.abs(np.concatenate(stood) - line.positions).max() > SAME or np.ptp(np.concatenate(targets), axis=0).any():
+    if (
+        np.abs(np.concatenate(stood) - line.positions).max() > SAME_TARGET
+        or np.ptp(np.concatenate(targets), axis=0).any()
+    ):
         names = ", ".join(measurement.source for measurement in measurements)
         raise UserError(
             f"{names}: the readings of {axis} lie on more than one line (other axes or target differ): give "
@@ -207,7 +210,7 @@ def _thinned(curves: _Curves) -> tuple[_Curves, float]:
     tolerance = min(NODE_UM, NODE_U * float(np.median(u)))
     columns = curves.values.reshape(-1, n).T
     rows = _nodes(curves.positions, columns, tolerance)
-    while len(rows) > MOST_NODES:
+    while len(rows) > MOST_CURVE_NODES:
         tolerance *= 1.5
         rows = _nodes(curves.positions, columns, tolerance)
     thin = curves.at(rows)

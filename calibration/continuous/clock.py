@@ -15,19 +15,19 @@ from calibration.continuous.records import Record
 from calibration.continuous.segment import noise_of
 from kinematics.transforms import Array
 
-FIRST, GROWS, TRIED, WIDEST = 32, 4, 17, 0.1
+FIRST_STAMPS, STAMPS_GROWTH, TRIAL_PERIODS, FIRST_PERIOD_WIDTH = 32, 4, 17, 0.1
 """Search for the period: first number of stamps, its growth factor, number of trial periods, first relative width."""
-AROUND = 15
+NEIGHBOUR_STAMPS = 15
 """Number of neighbours whose median distinguishes a lost sample from a late stamp."""
-SMOOTHER = 0.8
+CLOCK_NOISE_RATIO = 0.8
 """Ratio of the noise with the uniform clock to that with the stamps, below which the clock is used."""
-FEW = 20
+FEWEST_STAMPS = 20
 
 
 def clocked(record: Record) -> tuple[Record, list[str]]:
     """The record with the better times, and a note if these are not the time stamps."""
     time, displacement = record.time, record.displacement
-    if len(time) < FEW:
+    if len(time) < FEWEST_STAMPS:
         return record, []
     slots, period = raster(time)
     period, start = np.polyfit(slots, time, 1).tolist()
@@ -37,7 +37,7 @@ def clocked(record: Record) -> tuple[Record, list[str]]:
         return record, []
     speed = (displacement[-1] - displacement[0]) / (time[-1] - time[0])
     stamped, clocked_noise = (noise_of(displacement - speed * each) for each in (time, even))
-    if clocked_noise >= SMOOTHER * stamped:
+    if clocked_noise >= CLOCK_NOISE_RATIO * stamped:
         return record, []
     scatter = np.std(late) * 1e6
     note = f"run {record.name}: time stamps scatter by {scatter:.3g} us about an even clock, which is used instead"
@@ -49,20 +49,22 @@ def raster(time: Array) -> tuple[np.ndarray, float]:
     period = _period(time)
     lost = (time - time[0]) / period - np.arange(len(time))
     lost -= np.angle(np.mean(np.exp(2j * np.pi * lost))) / (2.0 * np.pi)  # the first stamp scatters too
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(lost, AROUND // 2, mode="edge"), AROUND)
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(lost, NEIGHBOUR_STAMPS // 2, mode="edge"), NEIGHBOUR_STAMPS
+    )
     whole = np.maximum.accumulate(np.round(np.median(around, axis=1)).astype(int))
     return np.arange(len(time)) + whole - whole[0], period
 
 
 def _period(time: Array) -> float:
     """The period, s, that fits the stamps best even if samples are lost: over a few stamps first, over all at last."""
-    period, size = float(np.median(np.diff(time))), FIRST
-    width = WIDEST
+    period, size = float(np.median(np.diff(time))), FIRST_STAMPS
+    width = FIRST_PERIOD_WIDTH
     while True:
         part = time[:size] - time[0]
-        tried = period * (1.0 + width * np.linspace(-1.0, 1.0, TRIED))
+        tried = period * (1.0 + width * np.linspace(-1.0, 1.0, TRIAL_PERIODS))
         kept = [abs(np.sum(np.exp(2j * np.pi / each * part))) for each in tried.tolist()]
         period = float(tried[int(np.argmax(kept))])
         if size >= len(time):
             return period
-        size, width = size * GROWS, 1.0 / size
+        size, width = size * STAMPS_GROWTH, 1.0 / size

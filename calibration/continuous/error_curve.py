@@ -19,16 +19,16 @@ from calibration.continuous.segment import Segment, noise_of
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-BLOCKS = 16_384
+MOST_SAMPLE_BLOCKS = 16_384
 """Largest number of blocks of samples; the finest detail is the travel over a quarter of it."""
 SPIKE = 8.0
 """Robust standard deviations from the median of its neighbours beyond which a sample is a fault of the beam."""
 NEIGHBOURS = 7
-STANDSTILL = 0.01
+STANDSTILL_FEED_SHARE = 0.01
 """Share of the feed below which the axis is at rest."""
 STANDSTILL_S = 0.1
 """Least duration of a rest, s."""
-AGREE_MM = 0.2
+RESTS_AGREE_MM = 0.2
 """Largest difference, mm, of the positions of the run that follow from the two rests."""
 
 
@@ -96,7 +96,7 @@ def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
     speed, x0 = np.polyfit(time - time.mean(), rough, 1).tolist()
     x = x0 + speed * (time - time.mean())
     error = (displacement - x) * 1e3
-    factor = math.ceil(len(x) / BLOCKS)
+    factor = math.ceil(len(x) / MOST_SAMPLE_BLOCKS)
     block = slots // factor
     firsts = np.flatnonzero(np.diff(block, prepend=-1))
     count = np.diff(np.append(firsts, len(block)))
@@ -123,7 +123,7 @@ def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tupl
     for standstill, displacement in zip(_standstills(record, segment), (record.start, record.end), strict=True):
         if standstill is not None:
             found.append(displacement + float(np.interp(displacement, *curve)) * 1e-3 - standstill)
-    if len(found) == 2 and abs(found[0] - found[1]) > AGREE_MM:
+    if len(found) == 2 and abs(found[0] - found[1]) > RESTS_AGREE_MM:
         raise UserError(
             f"{record.source}: run {record.name} moves, from standstill to standstill, "
             f"{abs(record.end - record.start) + record.direction * (found[0] - found[1]):.4f} mm, its header states "
@@ -134,7 +134,7 @@ def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tupl
         return float(np.mean(found)), []
     low, high = sorted((record.start, record.end))
     displacements = record.displacement - np.interp(record.displacement, *curve) * 1e-3
-    if np.any((displacements < low - AGREE_MM) | (displacements > high + AGREE_MM)):
+    if np.any((displacements < low - RESTS_AGREE_MM) | (displacements > high + RESTS_AGREE_MM)):
         raise UserError(
             f"{record.source}: run {record.name} has no standstill before or after its motion, and its displacement is "
             f"not that from {low:g} to {high:g} mm: its position along the axis is unknown"
@@ -147,7 +147,7 @@ def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tupl
 def _standstills(record: Record, segment: Segment) -> tuple[float | None, float | None]:
     """Displacement, mm, at rest before and after the motion; None if the record shows no rest."""
     least = max(round(STANDSTILL_S / segment.sample_s), 3)
-    standstill_mm = STANDSTILL * segment.speed * segment.sample_s * least
+    standstill_mm = STANDSTILL_FEED_SHARE * segment.speed * segment.sample_s * least
     found: list[float | None] = []
     for displacement in (record.displacement, record.displacement[::-1]):
         level = float(np.median(displacement[:least]))

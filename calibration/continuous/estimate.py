@@ -21,12 +21,12 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 Direction = Literal["auto", "forward", "backward", "mean"]
-ROWS = 500
+TABLE_ROWS = 500
 """Approximate number of rows of a table without a given spacing."""
-MOST_ROWS = 4000
+MOST_TABLE_ROWS = 4000
 LEAST_TARGETS = 2
 """Least number of targets inside the segment, because the fit estimates a straight line."""
-ITERATIONS, MATTERS = 8, 0.05
+MOST_POSITION_ROUNDS, POSITION_TOLERANCE_UM = 8, 0.05
 """Iteration of positions from errors and errors from positions: largest number of rounds, and tolerance, um."""
 FEED_OFF = 0.05
 """Relative difference of the feed from the programmed one above which a note is given."""
@@ -149,7 +149,7 @@ def estimate(
         for sign in DIRECTION_NAMES
         if _has(used, sign)
     }
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_POSITION_ROUNDS):
         by_direction = {sign: _one_direction(own) for sign, own in courses.items()}
         shapes = {sign: each.shape for sign, each in by_direction.items()}
         inside = _inside(shapes, quasi)
@@ -213,12 +213,12 @@ def _courses(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
 
 
 def _converged(shapes: Mapping[int, Shape], found: Fused) -> bool:
-    """True if the fitted lines shift the positions so little that errors change by less than MATTERS."""
+    """True if the fitted lines shift the positions so little that errors change by less than `POSITION_TOLERANCE_UM`."""
     for sign, shape in shapes.items():
         offset, slope = found.lines[sign]
         ends = np.array(shape.interval)
         moved = float(np.abs(offset + slope * ends).max()) * 1e-3
-        if moved * shape.steepest > MATTERS:
+        if moved * shape.steepest > POSITION_TOLERANCE_UM:
             return False
     return True
 
@@ -311,13 +311,13 @@ def _inside(shapes: Mapping[int, Shape], quasi: QuasiStatic) -> np.ndarray:
 def _positions(low: float, high: float, spacing: float | None) -> Array:
     """Positions of the table, mm: multiples of the spacing inside the segment, and both ends."""
     if spacing is None:
-        requested = (high - low) / ROWS
+        requested = (high - low) / TABLE_ROWS
         decade = 10.0 ** np.floor(np.log10(requested))
         spacing = float(min((decade * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(each - requested)))
-    if (high - low) / spacing > MOST_ROWS:
+    if (high - low) / spacing > MOST_TABLE_ROWS:
         raise UserError(
             f"--spacing-mm {spacing:g}: {(high - low) / spacing:.0f} rows over {high - low:.1f} mm, "
-            f"more than {MOST_ROWS}"
+            f"more than {MOST_TABLE_ROWS}"
         )
     inside_segment = spacing * np.arange(np.ceil(low / spacing), np.floor(high / spacing) + 1.0)
     ends = [

@@ -21,21 +21,21 @@ SIDES = (8, 24)
 JUMP = 7.0
 """Threshold of a jump, robust standard deviations."""
 MOST_JUMPS = 400
-WAVES = 8.0
+LEAST_PERIODS_OF_TRAVEL = 8.0
 """Least number of periods of a cyclic error over the travel; the curve represents longer periods."""
 FALSE_ALARM = 1e-4
 """Probability that noise is reported as a wave."""
-BESIDE = 12
+BACKGROUND_BINS = 12
 """Number of spectral bins on either side for the background of a line."""
-NARROW = (4, 8)
+NARROW_BINS = (4, 8)
 """Range of bins from a line in which its power must have fallen by FALLEN."""
 FALLEN = 5.0
-TRIES = 24
-PARTS = 6
+WAVE_TRIES = 24
+PARTS_OF_TRAVEL = 6
 """Number of parts of the travel in which a wave is evaluated."""
-CHANCE = 0.01
+RANDOM_PHASES_P = 0.01
 """Probability that random phases are taken for a wave."""
-APART = 10.0
+RUN_VARIANCE_RATIO = 10.0
 """Ratio of the variance of a wave between runs to that within, from which it does not belong to the axis."""
 REGULAR = 0.1
 """Largest deviation of jumps from equal spacing, as a share of the pitch."""
@@ -63,7 +63,7 @@ def features(courses: Sequence[Course]) -> Found:
     kept: list[float] = []
     loose: list[tuple[float, float]] = []
     barred: list[float] = []
-    for _ in range(TRIES):
+    for _ in range(WAVE_TRIES):
         number = _line(main, left, barred)
         if number is None:
             break
@@ -157,7 +157,7 @@ def _disagreement(error: Array, side: int) -> Array:
 def _parts(course: Course, error: Array, period: float) -> list[complex]:
     """Amplitudes of a wave in parts of the travel, um, with their phases over position."""
     values = []
-    for rows in np.array_split(np.arange(len(course)), PARTS):
+    for rows in np.array_split(np.arange(len(course)), PARTS_OF_TRAVEL):
         x, level = course.x[rows], error[rows]
         scaled = (x - x.mean()) / np.ptp(x)
         level = level - np.polyval(np.polyfit(scaled, level, 3), scaled)
@@ -167,14 +167,15 @@ def _parts(course: Course, error: Array, period: float) -> list[complex]:
 
 
 def _keeps_phase(parts: np.ndarray) -> bool:
-    """True if parts `(runs, parts)` agree in phase more than random ones, with probability CHANCE of a wrong result.
+    """True if parts `(runs, parts)` agree in phase more than random ones, with probability `RANDOM_PHASES_P` of a wrong result.
 
     The parts of one run at least must agree: a vibration loses its phase.
     """
-    share = np.abs(parts.sum(axis=1)) ** 2 / (PARTS * np.sum(np.abs(parts) ** 2, axis=1))
+    share = np.abs(parts.sum(axis=1)) ** 2 / (PARTS_OF_TRAVEL * np.sum(np.abs(parts) ** 2, axis=1))
     together = abs(parts.sum()) ** 2 / (parts.size * np.sum(np.abs(parts) ** 2))
     return bool(
-        share.max() > 1.0 - CHANCE ** (1.0 / (PARTS - 1)) or together > 1.0 - CHANCE ** (1.0 / (parts.size - 1))
+        share.max() > 1.0 - RANDOM_PHASES_P ** (1.0 / (PARTS_OF_TRAVEL - 1))
+        or together > 1.0 - RANDOM_PHASES_P ** (1.0 / (parts.size - 1))
     )
 
 
@@ -182,8 +183,10 @@ def _keeps_position(parts: np.ndarray) -> bool:
     """True if the runs `(runs, parts)` agree in amplitude and phase over position within the scatter of their parts."""
     runs = len(parts)
     means = parts.mean(axis=1)
-    variance = np.mean(np.abs(parts - means[:, None]) ** 2) / (PARTS - 1)
-    return runs == 1 or float(np.sum(np.abs(means - means.mean()) ** 2)) < APART * (runs - 1) * float(variance)
+    variance = np.mean(np.abs(parts - means[:, None]) ** 2) / (PARTS_OF_TRAVEL - 1)
+    return runs == 1 or float(np.sum(np.abs(means - means.mean()) ** 2)) < RUN_VARIANCE_RATIO * (runs - 1) * float(
+        variance
+    )
 
 
 def _line(course: Course, error: Array, barred: Sequence[float]) -> float | None:
@@ -194,13 +197,15 @@ def _line(course: Course, error: Array, barred: Sequence[float]) -> float | None
     values = np.interp(raster, course.x[order], error[order])
     trend = np.polyval(np.polyfit(np.linspace(-1, 1, n), values, 3), np.linspace(-1, 1, n))
     power = np.abs(np.fft.rfft((values - trend) * np.hanning(n))) ** 2
-    first, last = math.ceil(WAVES), len(power) - BESIDE - 1
-    if last <= first + 2 * BESIDE:
+    first, last = math.ceil(LEAST_PERIODS_OF_TRAVEL), len(power) - BACKGROUND_BINS - 1
+    if last <= first + 2 * BACKGROUND_BINS:
         return None
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, BESIDE, mode="edge"), 2 * BESIDE + 1)
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(power, BACKGROUND_BINS, mode="edge"), 2 * BACKGROUND_BINS + 1
+    )
     level = np.median(around, axis=1) / math.log(2.0)
     threshold = math.log(n / FALSE_ALARM)
-    far = [np.roll(power, shift) for each in range(*NARROW) for shift in (each, -each)]
+    far = [np.roll(power, shift) for each in range(*NARROW_BINS) for shift in (each, -each)]
     fallen = power > FALLEN * np.max(far, axis=0)
     strong = np.where(fallen & (power > threshold * level), power / level, 0.0)
     strong[:first] = strong[last:] = 0.0

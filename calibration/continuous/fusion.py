@@ -26,13 +26,13 @@ from calibration.gaussian_terms.noise import Moments, likeliest_variances
 from kinematics.error_model.priors import PRIORS
 from kinematics.transforms import Array
 
-STEPS = 30
+MOST_VARIANCE_STEPS = 30
 """Most Fisher steps of the variances."""
-SMALLEST = 1e-3
+LEAST_READING_U_UM = 1e-3
 """Standard deviation of a reading, and of a drift, um, that is assumed in any case: the last digit of a reading."""
 LEAST_FREE = 3
 """Least number of degrees of freedom for an estimate of the standard deviations."""
-REACH = 0.25
+REVERSAL_CORRELATION = 0.25
 """Correlation length of the random part of a reversal, as a share of the travel."""
 
 
@@ -235,7 +235,7 @@ def _reversal_kernel(
         return None
     other = points if other is None else other
     only = next(iter(shapes))
-    apart = np.abs(points.x[:, None] - other.x) / (2.0 * half * REACH)
+    apart = np.abs(points.x[:, None] - other.x) / (2.0 * half * REVERSAL_CORRELATION)
     return np.asarray(np.exp(-apart) * np.outer(points.sign != only, other.sign != only))
 
 
@@ -255,10 +255,10 @@ def _spread(
             [(apart.T @ part @ apart)[None] for part in parts],
             (apart.T @ known @ apart)[None],
         )
-        start = np.full(len(parts), max(float(np.mean(rest**2)), SMALLEST**2))
-        variances = likeliest_variances([moments], start, PRIORS.non_repeatability_um, STEPS)
+        start = np.full(len(parts), max(float(np.mean(rest**2)), LEAST_READING_U_UM**2))
+        variances = likeliest_variances([moments], start, PRIORS.non_repeatability_um, MOST_VARIANCE_STEPS)
         variances[0] *= free / max(free - 2.0, 1.0)
-        variances[1:] = np.maximum(variances[1:], SMALLEST**2)
+        variances[1:] = np.maximum(variances[1:], LEAST_READING_U_UM**2)
     noise, *sizes = np.sqrt(variances).tolist()
     by_name = dict(zip(names, sizes, strict=True))
     spread = Spread(
@@ -270,7 +270,7 @@ def _spread(
         free,
     )
     covariance = known + sum(variance * part for variance, part in zip(variances, parts, strict=True))
-    return spread, np.asarray(covariance + SMALLEST**2 * np.eye(m))
+    return spread, np.asarray(covariance + LEAST_READING_U_UM**2 * np.eye(m))
 
 
 class _Solved:

@@ -18,11 +18,11 @@ from scipy.signal import detrend, welch
 from calibration.continuous.error_curve import Course
 from kinematics.transforms import Array
 
-PARTS = 8
+LEAST_SPECTRUM_PARTS = 8
 """Least number of parts of a course for its spectrum; they overlap by half their length."""
 LONGEST_PART = 2048
 ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-FLAT = 2.0
+FLAT_SPECTRUM_RATIO = 2.0
 """Ratio to the level of the flat part, below which the spectrum belongs to it."""
 ABOVE = 3.0
 """Upper end, as a multiple of the edge, of the band whose level is the noise below the edge."""
@@ -92,7 +92,7 @@ def _even(course: Course, values: Array) -> Array:
 
 def _spectrum(values: Array, period: float) -> tuple[Array, Array]:
     """Frequencies, Hz, and one-sided density `(m,)`, um2/Hz."""
-    part = min(len(values) // PARTS * 2, LONGEST_PART)
+    part = min(len(values) // LEAST_SPECTRUM_PARTS * 2, LONGEST_PART)
     frequency, density = welch(values, 1.0 / period, "hann", part, detrend=detrend)
     density[0] = density[1]
     return np.asarray(frequency), np.maximum(density, 1e-15)
@@ -100,7 +100,7 @@ def _spectrum(values: Array, period: float) -> tuple[Array, Array]:
 
 def _edge(frequency: Array, density: Array, flat: float) -> float:
     """The frequency, Hz, below which the error of the axis dominates: first two bins at the level of the flat part."""
-    low = density <= FLAT * flat
+    low = density <= FLAT_SPECTRUM_RATIO * flat
     both = np.flatnonzero(low[:-1] & low[1:])
     return float(frequency[both[0] if len(both) else len(frequency) // 2])
 

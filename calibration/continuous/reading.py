@@ -27,8 +27,8 @@ RUN_KEYS = ("machine", "instrument", "axis", "start_mm", "end_mm", "feed_mm_min"
 SAME_UM = 1e-6
 STATE_COLUMN = re.compile(r"[A-CU-Z]\d?|time_s|feed|target|point|station|(dir|actual)_\w+|temp_\S+")
 """Other columns of a measurement file, which a run of one axis does not need."""
-HEAD = 20_000
-DIGITS = 6
+RECORD_HEAD_BYTES = 20_000
+RECORD_TARGET_DECIMALS = 6
 """Decimals, mm, to which targets are rounded."""
 
 
@@ -103,7 +103,7 @@ def _read(path: Path, header: Mapping[str, str]) -> _File:
     """Content of a file; foreign formats stay unread until the axis is known."""
     data = read_input(path, "measurement")
     refuse_empty(data, str(path))
-    head = old_text(data[:HEAD]).replace("\r\n", "\n")
+    head = old_text(data[:RECORD_HEAD_BYTES]).replace("\r\n", "\n")
     for reader in (renishaw, iso230_table):
         if reader.recognises(head):
             return _File(path, data, reader, None)
@@ -266,7 +266,7 @@ def _quasi(table: Table, axis: str, prefix: str, notes: list[str]) -> QuasiStati
     _refuse_dead(part, columns["deviation_um"])
     u, u_per_m = _specification(table, notes)
     return QuasiStatic(
-        np.round(columns["target_mm"], DIGITS),
+        np.round(columns["target_mm"], RECORD_TARGET_DECIMALS),
         columns["deviation_um"],
         _directions(part),
         np.char.add(prefix, part.texts(["run"])["run"]),

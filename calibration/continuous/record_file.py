@@ -10,7 +10,7 @@ from calibration.continuous.records import Record
 from calibration.measurement.states import MADE_BY
 from kinematics.version import VERSION
 
-CHUNK = 50_000
+WRITTEN_RECORDS = 50_000
 
 
 def write_records(records: Sequence[Record], axis: str, machine: str, file: BinaryIO, origin: str = "") -> None:
@@ -33,8 +33,8 @@ def write_records(records: Sequence[Record], axis: str, machine: str, file: Bina
     text.write("time_s,displacement_mm,run,direction\n" if several else "time_s,displacement_mm\n")
     for record in records:
         tail = f",{record.name.split()[0]},{'+' if record.direction > 0 else '-'}" if several else ""
-        for start in range(0, len(record), CHUNK):
-            rows = slice(start, start + CHUNK)
+        for start in range(0, len(record), WRITTEN_RECORDS):
+            rows = slice(start, start + WRITTEN_RECORDS)
             pairs = zip(record.time[rows].tolist(), record.displacement[rows].tolist(), strict=True)
             text.writelines(f"{time:.6f},{shown:.6f}{tail}\n" for time, shown in pairs)
     text.flush()

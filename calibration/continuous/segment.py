@@ -3,9 +3,9 @@
 Speeds are differences of means over a span of samples, long enough that noise and short waves of the axis are small
 against the feed. The plateau is the longest segment within a tolerance of the usual speed.
 
-At its start, the ramp is assumed to decay with the time constant that the speed shows between FAR and the tolerance;
+At its start, the ramp is assumed to decay with the time constant that the speed shows between `RAMP_DEVIATION` and the tolerance;
 the segment begins when the effect of the ramp on the displacement is below TAIL_MM. The speed takes some time from the
-tolerance to FAR at the final ramp; the segment ends earlier than the plateau by the same time. Ends that vibrate more
+tolerance to `RAMP_DEVIATION` at the final ramp; the segment ends earlier than the plateau by the same time. Ends that vibrate more
 than the middle are then left out. The test of Miller et al. 2017, 4.1 (all samples within two standard deviations)
 rejects normal noise and neglects the tails.
 """
@@ -25,7 +25,7 @@ FAST = 0.9
 """Share of the 95 % quantile of the speeds above which the axis counts as on its plateau."""
 LEAST_TOLERANCE, MOST_TOLERANCE = 0.01, 0.1
 """Limits of the relative tolerance of the speed on the plateau; between them it is four times the spread."""
-FAR = 0.2
+RAMP_DEVIATION = 0.2
 """Relative deviation of the speed that only a ramp causes."""
 SPEED_NOISE = 0.003
 """Relative noise of the speed for which the span is chosen."""
@@ -130,7 +130,7 @@ def _usual(speed: Array, record: Record) -> float:
         raise UserError(
             f"{record.source}: the displacement of run {record.name} does not change: the axis did not move"
         )
-    if low < -FAR * high:
+    if low < -RAMP_DEVIATION * high:
         raise UserError(
             f"{record.source}: run {record.name} moves forward and backward: give each traverse its own run or "
             "direction"
@@ -152,13 +152,13 @@ def _without_ramps(
 ) -> tuple[int, int]:
     """The segment without the tails of the ramps; `plateau`: relative tolerance and speed, mm/s."""
     tolerance, usual = plateau
-    before = np.flatnonzero(off[:first] >= FAR)
+    before = np.flatnonzero(off[:first] >= RAMP_DEVIATION)
     if len(before):
-        constant = max(float(time[first] - time[before[-1]]) / math.log(FAR / tolerance), sample)
+        constant = max(float(time[first] - time[before[-1]]) / math.log(RAMP_DEVIATION / tolerance), sample)
         left = tolerance * usual * constant
         wait = constant * max(math.log(left / TAIL_MM), 0.0) + span * sample
         first = int(np.searchsorted(time, time[first] + wait))
-    after = np.flatnonzero(off[stop:] >= FAR)
+    after = np.flatnonzero(off[stop:] >= RAMP_DEVIATION)
     if len(after):
         margin = float(time[stop + after[0]] - time[stop - 1]) + 2 * span * sample
         stop = int(np.searchsorted(time, time[stop - 1] - margin))

@@ -18,7 +18,7 @@ from calibration.continuous.error_curve import Course
 from calibration.continuous.noise import Noise
 from calibration.gaussian_terms.geometry import Bands, keys_of, prior_sizes, summed
 from calibration.gaussian_terms.posterior import Equations, Posterior
-from calibration.single_axis.error_curves import STATED, UNLIMITED
+from calibration.single_axis.error_curves import STATED, UNLIMITED_UM
 from kinematics.basis import Legendre
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.priors import PRIORS
@@ -28,9 +28,9 @@ PER_DEGREE = 8
 """Least number of blocks for each degree."""
 MOST_DEGREE = 480
 """Largest degree: waves of a 240th of the travel; shorter ones are found as cyclic errors."""
-STEPS, ROUNDS = 60, 3
+MOST_SIZE_STEPS, NOISE_ROUNDS = 60, 3
 """Most steps of the sizes, and how often the noise is found again."""
-SEEN = 0.5
+DETERMINED_SHARE = 0.5
 """Share of a coefficient that the data determine, the prior the rest, below which they do not show it."""
 
 
@@ -130,14 +130,16 @@ def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -
     others = extra.size + 2 * (len(courses) - 1)
     keys = keys_of(ErrorMotion("X", "X", basis, (0.0,) * basis.size), degrees)
     keys = [*[("", "", STATED)] * 2, *keys[2:], *[("", "", STATED)] * others]
-    prior = np.concatenate([np.where(degrees < 2, UNLIMITED, prior_sizes(degrees, PRIORS)), np.full(others, UNLIMITED)])
+    prior = np.concatenate(
+        [np.where(degrees < 2, UNLIMITED_UM, prior_sizes(degrees, PRIORS)), np.full(others, UNLIMITED_UM)]
+    )
     bands = Bands.of(keys, PRIORS)
     design, residual = _whitened(courses, noises, extra, basis, prior)
     whole = Equations.of(design, residual)
     rows, factor = len(residual), 1.0
-    for _ in range(ROUNDS):
+    for _ in range(NOISE_ROUNDS):
         scaled = Equations(residual / factor**0.5, whole.gram / factor, whole.along / factor)
-        sizes = bands.likeliest_sizes(scaled, PRIORS, STEPS)
+        sizes = bands.likeliest_sizes(scaled, PRIORS, MOST_SIZE_STEPS)
         bands = replace(bands, first_sizes=sizes)
         posterior = Posterior.of(scaled, sizes[bands.bands], 1.0)
         determined = posterior.determined
@@ -145,7 +147,7 @@ def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -
         factor = max(float(left @ left), np.finfo(float).tiny) / (rows - float(determined.sum()))
     wider = sizes * bands.wider(summed(bands.bands, determined, len(sizes)), PRIORS)
     spread = Posterior.of(scaled, wider[bands.bands], 1.0).covariance * prior * prior[:, None]
-    shown = int(degrees[determined[: basis.size] > SEEN].max(initial=1))
+    shown = int(degrees[determined[: basis.size] > DETERMINED_SHARE].max(initial=1))
     grain = float(np.median(np.abs(np.diff(courses[0].x))))
     return Shape(basis, extra, posterior.mean * prior, spread, 2.0 * (high - low) / shown, grain, factor**0.5)
 

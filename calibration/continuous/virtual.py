@@ -29,8 +29,8 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 FINE_S = 2.5e-4
-"""Largest time step of the motion, s; the sampling period over FINER if that is shorter."""
-FINER = 4
+"""Largest time step of the motion, s; the sampling period over `VIRTUAL_OVERSAMPLING` if that is shorter."""
+VIRTUAL_OVERSAMPLING = 4
 MOST_SAMPLES = 5_000_000
 PAUSE_S = 60.0
 """Pause between the quasi-static measurement and the continuous runs, s."""
@@ -175,7 +175,7 @@ def _profile(motion: Motion, rate: float) -> _Profile:
     top = min(motion.feed / 60.0, np.sqrt(sign * motion.acceleration))
     ramp, rounding = top / motion.acceleration, motion.acceleration / motion.jerk
     cruise = sign / top - ramp
-    step = min(FINE_S, 1.0 / (FINER * rate))
+    step = min(FINE_S, 1.0 / (VIRTUAL_OVERSAMPLING * rate))
     total = motion.standstill_s + 2.0 * ramp + cruise + rounding + motion.standstill_s + 10.0 * motion.lag
     if total / step > 8 * MOST_SAMPLES or total * rate > MOST_SAMPLES:
         raise UserError(f"a run of {total:.0f} s at {rate:g} Hz: more than {MOST_SAMPLES} samples")

@@ -26,7 +26,7 @@ from kinematics.transforms import Array
 
 IDENTIFIABLE = 1e-10
 """Share of the largest singular value below which a direction of the registration counts as none."""
-ROUNDING = 1e-7
+ROUNDING_OF_COLUMN = 1e-7
 """Share of a column below which its part outside the registration is rounding."""
 OTHER_EFFECTS = ""
 """Entry of a part instead of its axis, for the effects that are fitted in addition to the error motions."""
@@ -70,7 +70,7 @@ class Columns:
         whole = self.observed(model)
         before, observed = np.linalg.norm(whole, axis=0), self._registration.removed(whole)
         # a column that the registration absorbs leaves only rounding, which is no information
-        observed[:, np.linalg.norm(observed, axis=0) < ROUNDING * before] = 0.0
+        observed[:, np.linalg.norm(observed, axis=0) < ROUNDING_OF_COLUMN * before] = 0.0
         return Made(observed, self.evaluated(model), priors(model), least_priors(self.measurement, model))
 
     def model(self, parts: Sequence[Part]) -> ErrorModel:

@@ -22,7 +22,7 @@ from kinematics.user_error import UserError
 
 Weighting = Literal["full", "cartesian-diagonal"]
 """Weights by the full covariance of each observation, or by the variances of x, y and z alone (the paper, (8))."""
-NEAREST_MM = 1.0
+NEAREST_TARGET_MM = 1.0
 """Smallest distance, mm, between tracker and target: a closer target has no direction."""
 
 
@@ -78,8 +78,11 @@ def laid_out(
     )  # fmt: skip
     stated = plan.spheres or (stations if plan.stations else {})
     nominal = replace(nominal, source=plan.strategy, spheres=stated, distances=tuple(distances))
-    if instrument.STATIONED and np.linalg.norm(nominal.state.need("observed", "a tracker"), axis=1).min() < NEAREST_MM:
-        raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker: move the tracker")
+    if (
+        instrument.STATIONED
+        and np.linalg.norm(nominal.state.need("observed", "a tracker"), axis=1).min() < NEAREST_TARGET_MM
+    ):
+        raise UserError(f"a target comes closer than {NEAREST_TARGET_MM:g} mm to the tracker: move the tracker")
     registration = nominal.instrument.first_registration(nominal, np.ones(len(nominal), bool))
     # rows out of reach cost no time
     minutes = plan.minutes * repeat * (len(rows) / len(state))

@@ -14,9 +14,9 @@ from calibration.fit.bases.search import Scales, scale_of
 from calibration.fit.linear import NormalBlocks, Part, Posterior, of_columns, pseudo_inverse
 from kinematics.transforms import Array
 
-UNSEEN = 1e-10
+ZERO_EIGENVALUE = 1e-10
 """Share of the largest eigenvalue below which another counts as zero, where there is no prior."""
-KEPT = 160
+KEPT_DESIGNS = 160
 """Number of factorised designs in the cache."""
 
 
@@ -41,7 +41,7 @@ class Fits:
     def __post_init__(self) -> None:
         self.true_observed, self.true_volume = self.columns.of_true_models(self.true_models)
         self._blocks = NormalBlocks(of_columns(lambda part: self._of(part).observed))
-        self.factorised = lru_cache(maxsize=KEPT)(self._factorised)
+        self.factorised = lru_cache(maxsize=KEPT_DESIGNS)(self._factorised)
 
     def right(self, part: Part, drawn: Sample) -> Array:
         """The right-hand sides `(k, draws)` of a part, in units of its parameters."""
@@ -100,5 +100,5 @@ def rms(deviations: Array) -> Array:
 def _least_squares(matrix: Array) -> Factorised:
     """The fit without priors, by the pseudo-inverse: directions that the data do not determine stay zero."""
     size = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
-    root = pseudo_inverse(matrix / np.outer(size, size), UNSEEN).root / size[:, None]
+    root = pseudo_inverse(matrix / np.outer(size, size), ZERO_EIGENVALUE).root / size[:, None]
     return Factorised(lambda right: root @ (root.T @ right), float("nan"))

@@ -19,11 +19,11 @@ from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array
 
-GRID = 9
+GRID_POSITIONS = 9
 """Number of positions on each linear axis (contract 4.2)."""
 RIGID = 1e-9
 """Share of the largest singular value below which a rigid motion moves no point."""
-WAVES = (0.6180339887498949, 0.7548776662466927, 0.5698402909980532)
+ROTARY_STEP_SHARES = (0.6180339887498949, 0.7548776662466927, 0.5698402909980532)
 """Steps, as shares of their range, of rotary axes from one position of the grid to the next: never in phase."""
 
 
@@ -55,8 +55,8 @@ class Volume:
 
         The states are those of `standing`: positions in their order, at rest, 20 degC, also at the `sensors`.
         """
-        positions = evaluation_grid(machine, GRID, ranges)
-        for step, (axis, (low, high)) in zip(WAVES, (turned or {}).items(), strict=False):
+        positions = evaluation_grid(machine, GRID_POSITIONS, ranges)
+        for step, (axis, (low, high)) in zip(ROTARY_STEP_SHARES, (turned or {}).items(), strict=False):
             i = machine.index(axis)
             positions[:, i] = (low + (np.arange(1, len(positions) + 1) * step % 1.0) * (high - low)) * machine.scale[i]
         return cls.at(machine, standing(positions, sensors), np.array(tool))

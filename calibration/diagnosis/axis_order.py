@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.diagnosis.conclusion.verdict import CLEAR
-from calibration.diagnosis.search import DOUBTFUL
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
+from calibration.diagnosis.search import LEAST_RETRIED_LOG_ODDS
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.measurement.measurement import Measurement
@@ -30,7 +30,7 @@ def other_order(found: Structure) -> str:
         return ""
     others = [_fitted(other, found) for other in _exchanged(measurement)]
     best = max(others, key=lambda each: each.total, default=found)
-    if best.total - found.total < CLEAR:
+    if best.total - found.total < CLEAR_LOG_ODDS:
         return ""
     chain = best.data.observations.measurement.machine.chain
     return (
@@ -44,7 +44,7 @@ def _fitted(measurement: Measurement, found: Structure) -> Structure:
     """The structure of a measurement without causes; its noise is found again where that may make it likelier."""
     first = Structure.first(Data.of(Observations.of(measurement)))
     sized = replace(first, noise=found.noise).with_sizes()
-    return sized.fitted() if sized.total > found.total + DOUBTFUL else sized
+    return sized.fitted() if sized.total > found.total + LEAST_RETRIED_LOG_ODDS else sized
 
 
 def _exchanged(measurement: Measurement) -> Iterator[Measurement]:

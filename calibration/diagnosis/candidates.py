@@ -20,12 +20,12 @@ from calibration.diagnosis.forms import together
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
-from kinematics.error_model.priors import SIZES
+from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
 REFINED = 6
 """Most times that a term is refined, each time about eight times as closely."""
-COARSE = 2e-3
+COARSE_SHARE_OF_ODDS = 2e-3
 """Share of its log odds by which a term is less likely than one between it and its neighbours."""
 
 
@@ -98,12 +98,12 @@ class Columns(NamedTuple):
         along = self.along - np.einsum("maw,a->mw", less, moved)
         present, width = less.shape[1:]
         if 0 < present < width:
-            each = [_by_update(self.values, less, along, size**2 / factor) for size in SIZES]
+            each = [_by_update(self.values, less, along, size**2 / factor) for size in SIZES_IN_TYPICAL]
             quadratic, determinant = np.moveaxis(np.array(each), 1, 0)
             evidence = 0.5 * (quadratic / factor - determinant)
-            return np.asarray(np.logaddexp.reduce(evidence, axis=0) - np.log(len(SIZES)))
+            return np.asarray(np.logaddexp.reduce(evidence, axis=0) - np.log(len(SIZES_IN_TYPICAL)))
         blocks = np.einsum("mw,wv->mwv", self.values, np.eye(width)) - np.swapaxes(less, 1, 2) @ less
-        return log_gains(blocks, along, SIZES, factor)
+        return log_gains(blocks, along, SIZES_IN_TYPICAL, factor)
 
 
 def _by_update(values: Array, less: Array, along: Array, ratio: float) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from calibration.diagnosis.axis_order import other_order
 from calibration.diagnosis.conclusion.result import Diagnosis, answered
 from calibration.diagnosis.search import search
-from calibration.fit.acceptance import SPARE, information
+from calibration.fit.acceptance import SPARE_SHARE, information
 from calibration.fit.set_up.checked_data import CheckedData
 from calibration.fit.set_up.moved_spheres import moved_findings
 from calibration.gaussian_terms.geometry import motions
@@ -23,9 +23,9 @@ from kinematics.user_error import UserError
 
 KNOCK = "station-shift"
 """Kind of a cause that tells that a sphere, or an instrument, was moved."""
-STEPS = 3
+DIAGNOSIS_STEPS = 3
 """Steps of a diagnosis: the data, the search, the conclusions."""
-LEAST = 3
+PARAMETERS_OF_A_BOW = 3
 """Parameters of an error motion that rows must be able to determine: a constant, a slope and a bow."""
 
 
@@ -43,7 +43,9 @@ def diagnose(
     functions without a name too, as far as it can. UserError where the measurement is not plausible, or has too few
     rows.
     """
-    checking, searching, concluding = (numbered(progress, number, STEPS) for number in range(1, STEPS + 1))
+    checking, searching, concluding = (
+        numbered(progress, number, DIAGNOSIS_STEPS) for number in range(1, DIAGNOSIS_STEPS + 1)
+    )
     checking("checking the data")
     data = CheckedData.of_diagnosis(measurement)
     measurement, findings = data.measurement, data.findings
@@ -89,13 +91,13 @@ def _refuse_few(observations: Observations) -> None:
     """UserError where the rows cannot determine the registration and the error motions of the axes that move."""
     measurement = observations.measurement
     moving, registered = list(measurement.moving), observations.registration.shape[2]
-    of_motions = LEAST * len(motions(measurement))
+    of_motions = PARAMETERS_OF_A_BOW * len(motions(measurement))
     unknown, known = registered + of_motions, information(measurement)
     if not moving:
         raise UserError(f"{measurement.source}: no axis moves: measure positions at which an axis moves")
     few = known < unknown and observations.components > 1  # of one component, runs repeat their few targets
-    if few or measurement.observed.size * (1.0 - SPARE) < unknown:
-        positions = math.ceil(unknown / (1.0 - SPARE) / observations.components)
+    if few or measurement.observed.size * (1.0 - SPARE_SHARE) < unknown:
+        positions = math.ceil(unknown / (1.0 - SPARE_SHARE) / observations.components)
         advice = f"measure about {positions} positions or more, spread over the travel"
         stations = len(np.unique(measurement.groups))
         if measurement.instrument.MAY_BE_FEW:

@@ -16,7 +16,7 @@ from calibration.gaussian_terms.term import Along, Term
 from calibration.gaussian_terms.whitened import Piece
 from kinematics.transforms import Array
 
-BLOCK = 200
+COLUMNS_OF_BLOCK = 200
 """Columns that are worked on together: the products of a block stay in the cache of the processor."""
 KEPT_BYTES = 60_000_000
 """Columns, in single precision, that are kept; the others are made again for each pass."""
@@ -200,7 +200,7 @@ class Dictionary:
 
 def _batches(widths: Sequence[int]) -> list[np.ndarray]:
     """Numbers of terms of these widths that are worked on together."""
-    ends = np.cumsum(np.array(widths, int)) // BLOCK
+    ends = np.cumsum(np.array(widths, int)) // COLUMNS_OF_BLOCK
     return [np.flatnonzero(ends == end) for end in np.unique(ends)]
 
 

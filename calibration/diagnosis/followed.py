@@ -11,7 +11,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from calibration.gaussian_terms.linearised import SETTLED
+from calibration.gaussian_terms.linearised import SETTLED_OBSERVATIONS
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Structure
 from kinematics.effects import Effect
@@ -61,4 +61,4 @@ def _changed(structure: Structure, again: Observations) -> bool:
     values = np.concatenate([geometry.parameters @ mean[: geometry.width], *own])
     change = (again.columns(effects) - structure.data.observations.columns(effects)) @ values
     white = structure.whitener.columns(change[:, :, None])
-    return float(np.sqrt(np.mean(white**2) / structure.noise.factor)) > SETTLED
+    return float(np.sqrt(np.mean(white**2) / structure.noise.factor)) > SETTLED_OBSERVATIONS

@@ -28,17 +28,17 @@ from kinematics.effects.records import Parameter
 from kinematics.effects.tracker import CIRCLES
 from kinematics.transforms import Array
 
-POINTS = 40
+JUMPS_IN_DICTIONARY = 40
 """Moments, or angles, of a jump in the dictionary, evenly spread over the rows; the search refines them."""
-ENDS = 8
+ROWS_BESIDE_JUMP = 8
 """Least number of moments, or angles, on each side of a jump: the rows beyond a later one are single outliers."""
-BETWEEN = 16
+MOST_JUMPS_BETWEEN = 16
 """Most moments, or angles, between two neighbours at a time."""
-SHAPES = 8
+NEIGHBOUR_SHAPES = 8
 """Time constants, lags or lengths between two neighbours at a time."""
 ALONE = 2.5
 """Factor to a time constant, lag or length beyond the last one of a family: about that between neighbours."""
-SAME_POSITION = 6.0
+SAME_POSITION_U = 6.0
 """Distance of two angles, in standard uncertainties, up to which they may be readings of one position."""
 OPPOSITE = 180.0
 """Range of an angle, deg, from which a step over it has two sides for no row."""
@@ -132,7 +132,7 @@ def _between_shapes(observations: Observations, effect: Effect, form: Form, ends
 
     def finer() -> list[Term]:
         low, high = ends
-        values = np.geomspace(low, high, SHAPES + 2).tolist()
+        values = np.geomspace(low, high, NEIGHBOUR_SHAPES + 2).tolist()
         members = [_with_shape(effect, shape, value) for value in values[1:-1]]
         near = zip(members, values, values[2:], strict=False)
         return [_between_shapes(observations, each, form, (low, high)) for each, low, high in near]
@@ -148,7 +148,9 @@ def _at_points(
     Finer members are at the points between those of its neighbours.
     """
     for form in _forms(effect):
-        yield from _at_marks(observations, form, at, points, [ENDS - 1, *marks.tolist(), len(points) - ENDS])
+        yield from _at_marks(
+            observations, form, at, points, [ROWS_BESIDE_JUMP - 1, *marks.tolist(), len(points) - ROWS_BESIDE_JUMP]
+        )
 
 
 def _at_marks(
@@ -158,7 +160,7 @@ def _at_marks(
 
     def finer(low: int, own: int, high: int) -> list[Term]:
         inside = [mark for mark in range(low + 1, high) if mark != own]
-        some = inside[:: -(-len(inside) // BETWEEN)] if inside else []
+        some = inside[:: -(-len(inside) // MOST_JUMPS_BETWEEN)] if inside else []
         return _at_marks(observations, form, at, points, [low, *some, high])
 
     return [
@@ -176,9 +178,9 @@ def _above(effect: Effect, angle: float) -> Effect:
 
 
 def _spread(points: Array) -> np.ndarray:
-    """Indices `(k,)` of about `POINTS` of some points `(m,)`, evenly spread between the ends."""
-    inside = np.arange(ENDS, len(points) - ENDS)
-    return inside[:: max(len(inside) // POINTS, 1)]
+    """Indices `(k,)` of about `JUMPS_IN_DICTIONARY` of some points `(m,)`, evenly spread between the ends."""
+    inside = np.arange(ROWS_BESIDE_JUMP, len(points) - ROWS_BESIDE_JUMP)
+    return inside[:: max(len(inside) // JUMPS_IN_DICTIONARY, 1)]
 
 
 def _moments(measurement: Measurement, effect: Effect) -> tuple[Array, np.ndarray]:
@@ -190,7 +192,7 @@ def _moments(measurement: Measurement, effect: Effect) -> tuple[Array, np.ndarra
             here &= getattr(measurement.state, column) == name
     moments, marks = np.unique(time[here]), _spread(np.unique(time[here]))
     after_pause = np.searchsorted(moments, time[pauses(measurement)])
-    inside = (after_pause >= ENDS) & (after_pause < len(moments) - ENDS)
+    inside = (after_pause >= ROWS_BESIDE_JUMP) & (after_pause < len(moments) - ROWS_BESIDE_JUMP)
     return moments, np.union1d(marks, after_pause[inside])
 
 
@@ -208,5 +210,5 @@ def _angles(observations: Observations, circle: int) -> Array:
     if np.ptp(apart) >= OPPOSITE:
         return np.zeros(0)
     noise = np.sqrt(np.trace(observations.specified, axis1=1, axis2=2)) / np.linalg.norm(observed, axis=1)
-    between = np.diff(apart) > SAME_POSITION * np.degrees(noise.max())
+    between = np.diff(apart) > SAME_POSITION_U * np.degrees(noise.max())
     return np.unique(np.round(centre + (apart[1:] + apart[:-1])[between] / 2.0, 5))

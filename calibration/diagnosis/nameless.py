@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.diagnosis.forms import made_of
 from calibration.diagnosis.smooth import (
-    TYPICAL,
+    TYPICAL_FUNCTION_UM,
     Products,
     Variable,
     along_tool,
@@ -30,7 +30,7 @@ from calibration.diagnosis.smooth import (
     unnamed,
     variable,
 )
-from calibration.gaussian_terms.geometry import DEGREE
+from calibration.gaussian_terms.geometry import ERROR_DEGREE
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.term import Term
 from calibration.observation.full_model import is_log
@@ -42,23 +42,23 @@ from kinematics.transforms import Array
 
 TYPICAL_FINE = 3.0
 """Typical size of errors of single positions, um or urad: what curves of several degrees leave."""
-HALF_TURN = 0.5
+TURNS_BETWEEN_SWINGS = 0.5
 """Turns over the duration of a measurement by which swings that are tried differ: they are orthogonal."""
-TURNS = tuple(np.arange(1.0, 40.0, HALF_TURN).tolist())
+SWING_TURNS = tuple(np.arange(1.0, 40.0, TURNS_BETWEEN_SWINGS).tolist())
 """Turns over the duration of the swings that are tried."""
 FINER_TURNS = 4
 """Finer steps between two neighbouring swings."""
-WIDE = 6
+SWING_DEGREE = 6
 """Degree of the two axes with whose positions a swing changes, beside a swing that is present."""
 WALK, ROWS_OF_A_STEP = 80, 4
 """Most Karhunen-Loeve functions of a random walk, and rows for each of them."""
-MOST_POSITIONS = 400
+MOST_OWN_ERRORS = 400
 """Most positions of an axis that have errors of their own; more of them are a curve."""
 FINEST_DEGREE = 160
 """Largest degree of the curve of an axis that was logged at many positions: 80 waves over its travel."""
 VISITS = 2.0
 """Least mean number of rows of a position."""
-SAME = 2
+VISITED_DECIMALS = 2
 """Decimals of a position, mm or degrees, that is visited again."""
 
 
@@ -82,7 +82,7 @@ def swings(observations: Observations) -> Iterator[Term]:
     """
     if timed(observations):
         for letter in tool_directions(observations):
-            yield from _in_proportion(observations, letter, TURNS, HALF_TURN)
+            yield from _in_proportion(observations, letter, SWING_TURNS, TURNS_BETWEEN_SWINGS)
 
 
 def _in_proportion(observations: Observations, letter: str, turns: Sequence[float], step: float) -> Iterator[Term]:
@@ -104,7 +104,7 @@ def _finer_swings(observations: Observations, letter: str, turns: float, step: f
     near = turns + step * np.arange(1 - FINER_TURNS, FINER_TURNS) / FINER_TURNS
     found = list(_in_proportion(observations, letter, near[near != turns].tolist(), step / FINER_TURNS))
     for pair in combinations(axes_of(observations).values(), 2):
-        curved = products((WIDE, WIDE))
+        curved = products((SWING_DEGREE, SWING_DEGREE))
         form = Products(((0, 0), *curved.degrees), np.append(1.0, curved.falls) / 2.0**0.5)
         found += [_swing(observations, letter, each, pair, form) for each in near[::2].tolist()]
     return found
@@ -116,7 +116,7 @@ def _swing(
     """A swing of so many turns over the duration, times functions of some axes."""
     names = tuple(each.name for each in variables)
     columns = [each.columns for each in variables]
-    size = TYPICAL * np.diag(form.heights)
+    size = TYPICAL_FUNCTION_UM * np.diag(form.heights)
     period = float(np.ptp(time_of(observations))) / turns
     return Term(
         f"error along {letter}, periodic in time ({period:.4g} s), which changes with {', '.join(names)}",
@@ -133,7 +133,7 @@ def _swing(
 
 def _swing_functions(form: Products, columns: Sequence[Array], share: Array, turns: float) -> Array:
     functions, phase = form.of(columns), (2.0 * np.pi * turns) * share[:, None]
-    return TYPICAL * UM * np.concatenate([functions * np.sin(phase), functions * np.cos(phase)], axis=1)
+    return TYPICAL_FUNCTION_UM * UM * np.concatenate([functions * np.sin(phase), functions * np.cos(phase)], axis=1)
 
 
 def walks(observations: Observations) -> Iterator[Term]:
@@ -147,7 +147,7 @@ def walks(observations: Observations) -> Iterator[Term]:
     count, share = max(min(WALK, len(observations) // ROWS_OF_A_STEP), 1), share_of_time(observations)
     functions = _steps(count, share)
     whole, constant = variable(TIME, time_of(observations)), Products(((0,),), np.ones(1))
-    parameters = TYPICAL * np.sqrt(np.mean(functions**2, axis=0))[None]
+    parameters = TYPICAL_FUNCTION_UM * np.sqrt(np.mean(functions**2, axis=0))[None]
     for letter in tool_directions(observations):
         yield Term(
             f"random walk along {letter}",
@@ -169,7 +169,7 @@ def _steps(count: int, share: Array) -> Array:
 
 
 def _walk_functions(count: int, share: Array) -> Array:
-    return TYPICAL * UM * _steps(count, share)
+    return TYPICAL_FUNCTION_UM * UM * _steps(count, share)
 
 
 def fine(observations: Observations) -> Iterator[Term]:
@@ -179,10 +179,10 @@ def fine(observations: Observations) -> Iterator[Term]:
         if is_log(measurement, axis):
             yield _fine_curve(observations, axis)
             continue
-        position = np.round(measurement.state.position(measurement.machine, axis), SAME)
+        position = np.round(measurement.state.position(measurement.machine, axis), VISITED_DECIMALS)
         _, number, counts = np.unique(position, return_inverse=True, return_counts=True)
         again = np.flatnonzero(counts > 1)
-        if counts[number].mean() < VISITS or not DEGREE < len(again) <= MOST_POSITIONS:
+        if counts[number].mean() < VISITS or not ERROR_DEGREE < len(again) <= MOST_OWN_ERRORS:
             continue
         size = TYPICAL_FINE * unit_of(axis)[1]
         yield Term(
@@ -201,8 +201,8 @@ def _fine_curve(observations: Observations, axis: str) -> Term:
     basis = Legendre(observations.measurement.moving[axis], FINEST_DEGREE)
     effect = ErrorMotion(own_component(axis), axis, basis, (0.0,) * basis.size)
     degrees = np.arange(basis.size)
-    finer = degrees > DEGREE
-    sizes = TYPICAL_FINE * (DEGREE / np.maximum(degrees, 1)) ** observations.priors.smoothness
+    finer = degrees > ERROR_DEGREE
+    sizes = TYPICAL_FINE * (ERROR_DEGREE / np.maximum(degrees, 1)) ** observations.priors.smoothness
     parameters = np.diag(sizes)[:, finer]
     return Term(
         f"fine errors of {axis}",

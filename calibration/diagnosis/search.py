@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.candidates import COARSE, Candidates, Families
+from calibration.diagnosis.candidates import COARSE_SHARE_OF_ODDS, Candidates, Families
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.diagnosis.followed import followed
 from calibration.diagnosis.named import named
@@ -26,25 +26,25 @@ from calibration.gaussian_terms.linearised import linearised
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
-from kinematics.error_model.priors import SIZES
+from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
 
 PRESENT = 3.0
 """Log odds from which a term is present: 20 to 1, one false cause in twenty doubtful ones."""
-RISE = 1.0
+LEAST_POSTERIOR_RISE = 1.0
 """Least rise of the log posterior by a move between terms: less is decided by rounding and by the sizes."""
-RETRIED, DOUBTFUL = 6, -9.0
+MOST_RETRIED, LEAST_RETRIED_LOG_ODDS = 6, -9.0
 """Number of causes that are retried, and the least log odds of these; they explain something of the data already."""
-LIKELY = 2
+REFINED_AT_ONCE = 2
 """Of all that are tried at once: rivals of a term that are refined, and structures whose noise is found again."""
-SMOOTHER = 0.1
+FIRST_FINE_SHARE = 0.1
 """Share of their sizes at which finer error motions are begun beside a wave; at most their prior size."""
 FOLLOWED = 2
 """Most times that errors are sought again where the axes were behind their commands."""
-PARTS = 3
+MOST_SPLIT_TERMS = 3
 """Most terms into which one is split; one with fewer columns is not split."""
-SHORT = 12
+SPLIT_FAMILIES = 12
 """Families among which the parts of a split are looked for."""
 
 
@@ -137,8 +137,8 @@ class Search:
 
         Only the likeliest ones by their sizes alone are looked at, which the noise may make likelier than it.
         """
-        likely = sorted(sized, key=worth, reverse=True)[:LIKELY]
-        doubtful = (each.fitted() for each in likely if worth(each) > worth(structure) + DOUBTFUL)
+        likely = sorted(sized, key=worth, reverse=True)[:REFINED_AT_ONCE]
+        doubtful = (each.fitted() for each in likely if worth(each) > worth(structure) + LEAST_RETRIED_LOG_ODDS)
         best = max(doubtful, key=worth, default=structure)
         return best if worth(best) > worth(structure) else None
 
@@ -186,10 +186,10 @@ class _Started(NamedTuple):
     def of(cls, term: Term, structure: Structure, left: Array) -> _Started:
         """A term beside nothing else, with the largest prior size, in a whitened residual `(N,)` of a structure."""
         columns = structure.whitener.columns(term.columns)
-        precision = structure.noise.factor / SIZES[-1] ** 2 * np.eye(term.width)
+        precision = structure.noise.factor / SIZES_IN_TYPICAL[-1] ** 2 * np.eye(term.width)
         coefficients = np.linalg.solve(columns.T @ columns + precision, columns.T @ left)
         size = float(np.sqrt(np.mean(coefficients**2)))
-        return cls(term, max(size, float(SIZES[0])), float(left @ columns @ coefficients))
+        return cls(term, max(size, float(SIZES_IN_TYPICAL[0])), float(left @ columns @ coefficients))
 
     def beside(self, structure: Structure) -> Structure:
         """The structure with the term, of this size."""
@@ -200,7 +200,7 @@ class _Started(NamedTuple):
 def smoothed(structure: Structure) -> Structure:
     """The structure with smaller sizes of the error motions that may contain a wave."""
     geometry = structure.data.geometry
-    smoother = np.minimum(SMOOTHER * structure.band_sizes, geometry.first_sizes)
+    smoother = np.minimum(FIRST_FINE_SHARE * structure.band_sizes, geometry.first_sizes)
     bands = np.where(geometry.wavy, smoother, structure.band_sizes)
     return structure.resized(np.concatenate([bands, structure.term_sizes]))
 
@@ -213,7 +213,7 @@ def worth(structure: Structure) -> float:
 def additions(candidates: Candidates) -> Iterator[Move]:
     """The likeliest causes that may be added."""
     structure = candidates.structure
-    for odds, term in _likeliest(candidates, (), LIKELY + 1):
+    for odds, term in _likeliest(candidates, (), REFINED_AT_ONCE + 1):
         if odds > PRESENT:
             yield Move(odds - PRESENT, f"add {term.name}", (*structure.terms, term))
 
@@ -221,17 +221,21 @@ def additions(candidates: Candidates) -> Iterator[Move]:
 def _doubtful_causes(candidates: Candidates) -> Iterator[tuple[Term, ...]]:
     """Terms with one of a few causes that already explain something of the data."""
     families = candidates.by_family(candidates.odds())
-    gains = [(odds - candidates.terms[best].log_prior, best) for odds, best in families.values() if odds > DOUBTFUL]
-    for _, best in sorted((each for each in gains if each[0] > RISE), reverse=True)[:RETRIED]:
+    gains = [
+        (odds - candidates.terms[best].log_prior, best)
+        for odds, best in families.values()
+        if odds > LEAST_RETRIED_LOG_ODDS
+    ]
+    for _, best in sorted((each for each in gains if each[0] > LEAST_POSTERIOR_RISE), reverse=True)[:MOST_RETRIED]:
         yield (*candidates.structure.terms, candidates.terms[best])
 
 
 def _doubtful_exchanges(candidates: Candidates) -> Iterator[tuple[Term, ...]]:
     """Terms with a rival in the place of a cause, which sizes found beside the cause speak for."""
     for number, term in enumerate(candidates.structure.terms):
-        least = candidates.own(number) + DOUBTFUL
+        least = candidates.own(number) + LEAST_RETRIED_LOG_ODDS
         rest = tuple(other for other in candidates.structure.terms if other is not term)
-        for odds, rival in _likeliest(candidates, (number,), LIKELY) if term.named else ():
+        for odds, rival in _likeliest(candidates, (number,), REFINED_AT_ONCE) if term.named else ():
             if odds > least:
                 yield (*rest, rival)
 
@@ -241,20 +245,22 @@ def _changes(candidates: Candidates) -> Iterator[Move]:
     structure, every_row = candidates.structure, candidates.with_every_row()
     for number, term in enumerate(structure.terms):
         own = candidates.own(number)
-        margin = RISE + COARSE * abs(own)
+        margin = LEAST_POSTERIOR_RISE + COARSE_SHARE_OF_ODDS * abs(own)
         rest = tuple(other for other in structure.terms if other is not term)
         if own < PRESENT:
             yield Move(PRESENT - own, f"drop {term.name}", rest)
-        better, odds, first = every_row.refined(term, (number,), candidates.members(term.family), RISE / 2.0)
+        better, odds, first = every_row.refined(
+            term, (number,), candidates.members(term.family), LEAST_POSTERIOR_RISE / 2.0
+        )
         if better is not term:
             yield Move(odds - first, f"refine {term.name}", (*rest, better))
-        for odds, rival in _likeliest(candidates, (number,), LIKELY):
+        for odds, rival in _likeliest(candidates, (number,), REFINED_AT_ONCE):
             if odds > max(own, PRESENT) + margin:
                 yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
         for odds, rival in _periodic(candidates, (number,)):
             if odds > max(own, PRESENT) + margin:
                 yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
-        if term.width >= PARTS and term.named:
+        if term.width >= MOST_SPLIT_TERMS and term.named:
             parts, joint = _parts(candidates, number)
             if len(parts) > 1 and joint > own + margin + PRESENT * (len(parts) - 1):
                 split = joint - own - PRESENT * (len(parts) - 1)
@@ -271,7 +277,7 @@ def _merged(candidates: Candidates) -> Iterator[Move]:
             rest = tuple(term for number, term in enumerate(terms) if number not in (one, other))
             rivals = [*_likeliest(candidates, (one, other), 1), *_periodic(candidates, (one, other))]
             for odds, rival in rivals:
-                if odds > joint + RISE + COARSE * abs(joint):
+                if odds > joint + LEAST_POSTERIOR_RISE + COARSE_SHARE_OF_ODDS * abs(joint):
                     name = f"merge {terms[one].name} and {terms[other].name} to {rival.name}"
                     yield Move(odds - joint, name, (*rest, rival))
 
@@ -289,7 +295,7 @@ def _periodic(candidates: Candidates, without: Sequence[int]) -> Iterator[tuple[
     if proposed:
         odds = candidates.exact(proposed, without)
         best = int(np.argmax(odds))
-        term, own, _ = candidates.refined(proposed[best], without, least=RISE / 2.0)
+        term, own, _ = candidates.refined(proposed[best], without, least=LEAST_POSTERIOR_RISE / 2.0)
         yield own, term
 
 
@@ -302,10 +308,10 @@ def _likeliest(candidates: Candidates, without: Sequence[int], count: int) -> It
     """Log odds and best member of the likeliest families that are not present, but for some terms left out."""
     families: Families = candidates.by_family(candidates.odds(without))
     for odds, best in sorted(families.values(), key=lambda each: -each[0])[:count]:
-        better, own, _ = candidates.refined(candidates.terms[best], without, least=RISE / 2.0)
+        better, own, _ = candidates.refined(candidates.terms[best], without, least=LEAST_POSTERIOR_RISE / 2.0)
         yield max(odds, own), better
     if (whole := candidates.whole(without)) is not None:
-        better, own, _ = candidates.refined(whole, without, least=RISE / 2.0)
+        better, own, _ = candidates.refined(whole, without, least=LEAST_POSTERIOR_RISE / 2.0)
         yield own - PRESENT * (len(better.parts) - 1), better
 
 
@@ -318,11 +324,13 @@ def _parts(candidates: Candidates, number: int) -> tuple[list[Term], float]:
     """Several terms, one after the other, in the place of one; and their log odds together."""
     structure = candidates.structure
     families: Families = candidates.by_family(candidates.odds((number,)))
-    short = [candidates.terms[best] for _, best in sorted(families.values(), key=lambda each: -each[0])[:SHORT]]
+    short = [
+        candidates.terms[best] for _, best in sorted(families.values(), key=lambda each: -each[0])[:SPLIT_FAMILIES]
+    ]
     rest = tuple(term for i, term in enumerate(structure.terms) if i != number)
     parts: list[Term] = []
     joint = 0.0
-    while len(parts) < PARTS:
+    while len(parts) < MOST_SPLIT_TERMS:
         odds: Array = candidates.beside((*rest, *parts)).exact(short)
         best = int(np.argmax(odds))
         if odds[best] < PRESENT:

@@ -22,11 +22,11 @@ from kinematics.effects.combined.where import beam
 from kinematics.state import TEMPERATURE, TIME
 from kinematics.transforms import Array
 
-TYPICAL = 10.0
+TYPICAL_FUNCTION_UM = 10.0
 """Typical size of a function without a name, um, as that of `Unnamed`."""
 DEGREES = {1: (14,), 2: (8, 8), 3: (6, 6, 6)}
 """Degrees of a function in one, two and three variables: up to about 80 products of them."""
-LONG, SHORT = 14, 4
+DEGREES_IN_TIME, DEGREES_BESIDE_TIME = 14, 4
 """Degrees in time, and in the other variables, of a function that changes faster with time than along the axes."""
 OF_READINGS = {1: (8,), 2: (6, 6)}
 """Degrees of an error of a reading in one and two readings."""
@@ -78,7 +78,7 @@ def smooth(observations: Observations) -> Iterator[Term]:
                 continue
             shapes = [usual]
             if TIME in chosen and count > 1:
-                shapes.append(tuple(LONG if name == TIME else SHORT for name in chosen))
+                shapes.append(tuple(DEGREES_IN_TIME if name == TIME else DEGREES_BESIDE_TIME for name in chosen))
             for shape in shapes:
                 form = products(shape, tuple(name not in axes for name in chosen))
                 yield from _of_tool(observations, [variables[name] for name in chosen], form)
@@ -111,7 +111,7 @@ def axes_of(observations: Observations) -> dict[str, Variable]:
     machine, state = observations.measurement.machine, observations.measurement.state
     found = {}
     for axis, ends in observations.measurement.moving.items():
-        columns = state.basis_columns(machine, axis, Legendre(ends, max(DEGREES[2][0], SHORT)))
+        columns = state.basis_columns(machine, axis, Legendre(ends, max(DEGREES[2][0], DEGREES_BESIDE_TIME)))
         found[axis] = Variable(axis, ends, _of_unit_mean_square(columns))
     return found
 
@@ -133,7 +133,7 @@ def _conditions(observations: Observations) -> dict[str, Variable]:
 def variable(name: str, values: Array) -> Variable:
     """A variable of values `(n,)`, over their range."""
     ends = float(values.min()), float(values.max())
-    return Variable(name, ends, _of_unit_mean_square(Legendre(ends, LONG).columns(values)))
+    return Variable(name, ends, _of_unit_mean_square(Legendre(ends, DEGREES_IN_TIME).columns(values)))
 
 
 def _of_unit_mean_square(columns: Array) -> Array:
@@ -173,7 +173,7 @@ def tool_directions(observations: Observations) -> list[str]:
 
 def _of_tool(observations: Observations, variables: Sequence[Variable], products: Products) -> Iterator[Term]:
     names = tuple(each.name for each in variables)
-    parameters = np.diag(TYPICAL * products.heights)
+    parameters = np.diag(TYPICAL_FUNCTION_UM * products.heights)
     columns = [each.columns for each in variables]
     for letter in tool_directions(observations):
         yield Term(
@@ -201,7 +201,7 @@ def unnamed(letter: str, variables: Sequence[Variable], products: Products) -> U
 
 
 def _sized(products: Products, columns: Sequence[Array]) -> Array:
-    return TYPICAL * UM * products.of(columns)
+    return TYPICAL_FUNCTION_UM * UM * products.of(columns)
 
 
 def of_readings(observations: Observations) -> Iterator[Term]:

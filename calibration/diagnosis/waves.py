@@ -23,30 +23,30 @@ from kinematics.effects import Cyclic, Effect, QuantisedCompensation
 from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
 
-SHORTEST_MM, SHORTEST_DEG = 4.0, 1.0
+SHORTEST_PERIOD_MM, SHORTEST_PERIOD_DEG = 4.0, 1.0
 """Shortest period: the lead of a ball screw of a machine tool is 4 mm at least, and a rotary axis has few gears with
 more teeth than 360."""
 LEADS_MM = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 32.0, 40.0)
 """Leads of ball screws (ISO 3408-2), whose turns give the commonest periodic errors of linear axes."""
 OF_LEADS = 0.5
 """Share of the periodic errors whose period is one of these: the others are of couplings, scales, racks, belts."""
-POSITIONS = 4
+POSITIONS_OF_PERIOD = 4
 """Positions of a log in a shorter period, which its positions show by design."""
-HARMONICS = (1, 2, 4, 8, 16)
+WAVE_HARMONICS = (1, 2, 4, 8, 16)
 """Numbers of harmonics of a wave, with the same odds: a scale, a gear or a screw repeats exactly, but is no sine."""
 FEWEST_TURNS = 3.0
 """Fewest periods over the travel; longer ones are error motions."""
 TURNING_PARTS = 3
 """Most waves, or sawteeth, of an axis: its motor, its gear and its screw turn."""
-STEP = 0.4
+SCAN_STEP_PERIODS = 0.4
 """Step of a scan, in periods over the travel: neighbours have nearly the same wave."""
 PEAKS = 3
 """Periods of each axis that are proposed."""
-APART = 3
+STEPS_APART = 3
 """Steps of the scan by which they differ at least."""
 MEMBERS = 4
 """Members of a proposal between two steps of the scan."""
-FINER = 10
+PERIODS_BETWEEN = 10
 """Periods between two neighbours at a time."""
 CLOSER = 4.0
 """Distance to the neighbours of a finer member, in half distances of finer members: what is found later, beside it,
@@ -109,8 +109,8 @@ def _in_family(term: Term, family: Hashable) -> Term:
 def shortest_period(measurement: Measurement, axis: str) -> float:
     """The shortest period that is sought along an axis, mm or degrees."""
     low, high = measurement.moving[axis]
-    shortest = SHORTEST_DEG if axis[0] in "ABC" else SHORTEST_MM
-    return min(shortest, POSITIONS * (high - low) / measurement.distinct_positions[axis])
+    shortest = SHORTEST_PERIOD_DEG if axis[0] in "ABC" else SHORTEST_PERIOD_MM
+    return min(shortest, POSITIONS_OF_PERIOD * (high - low) / measurement.distinct_positions[axis])
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class Scan:
         observations = structure.data.observations
         measurement = observations.measurement
         low, high = measurement.moving[axis]
-        turns = np.arange(FEWEST_TURNS, (high - low) / shortest_period(measurement, axis), STEP)
+        turns = np.arange(FEWEST_TURNS, (high - low) / shortest_period(measurement, axis), SCAN_STEP_PERIODS)
         arm = observations.transform[:, :, observations.own_arm(axis)] * unit_of(axis)[1]
         arm = structure.whitener.rows(arm[:, :, None])[:, 0]
         position = measurement.state.position(measurement.machine, axis)
@@ -151,7 +151,7 @@ class Scan:
         for lead in LEADS_MM if self._of_other_periods < 1.0 else ():
             turns = self.travel / lead
             if turns >= FEWEST_TURNS:
-                term = self._wave(turns, STEP / MEMBERS, 1)
+                term = self._wave(turns, SCAN_STEP_PERIODS / MEMBERS, 1)
                 yield self._with_odds(term, len(LEADS_MM) / OF_LEADS)
 
     @property
@@ -163,18 +163,20 @@ class Scan:
         """Waves near the likeliest periods."""
         for turns in self._proposed_turns:
             scanned = MEMBERS * len(self.turns)
-            yield self._with_odds(self._wave(turns, STEP / MEMBERS, 1), scanned / self._of_other_periods)
+            yield self._with_odds(self._wave(turns, SCAN_STEP_PERIODS / MEMBERS, 1), scanned / self._of_other_periods)
 
     def _wave(self, turns: float, step: float, harmonics: int) -> Term:
         """A wave of so many periods over the travel; those of its neighbours are one step more and less.
 
         Its finer members have other periods, or more harmonics: also shorter ones than any lead.
         """
-        closer, zeros = CLOSER * step / (FINER + 1), (0.0,) * harmonics
+        closer, zeros = CLOSER * step / (PERIODS_BETWEEN + 1), (0.0,) * harmonics
         effect = Cyclic(own_component(self.axis), self.axis, self.travel / turns, zeros, zeros)
         orders = np.tile(np.arange(1.0, harmonics + 1.0), 2)
-        near = [(other, harmonics) for way in _between(FINER) if (other := turns + way * step) >= FEWEST_TURNS]
-        near += [(turns, more) for more in HARMONICS if more > harmonics]
+        near = [
+            (other, harmonics) for way in _between(PERIODS_BETWEEN) if (other := turns + way * step) >= FEWEST_TURNS
+        ]
+        near += [(turns, more) for more in WAVE_HARMONICS if more > harmonics]
         term = plain(self.observations, effect, 1.0 / orders)
         return replace(term, finer=lambda: [self._wave(other, closer, count) for other, count in near])
 
@@ -184,7 +186,8 @@ class Scan:
         for turns in self._proposed_turns:
             best = float(shares[np.argmax(self._gains_of_teeth(turns, shares))])
             yield self._with_odds(
-                self._teeth(turns, best, STEP / MEMBERS, 1.0 / OFFSETS), MEMBERS * len(self.turns) * OFFSETS
+                self._teeth(turns, best, SCAN_STEP_PERIODS / MEMBERS, 1.0 / OFFSETS),
+                MEMBERS * len(self.turns) * OFFSETS,
             )
 
     def _teeth(self, turns: float, share: float, step: float, apart: float) -> Term:
@@ -194,8 +197,8 @@ class Scan:
         """
         pitch = self.travel / turns
         effect = QuantisedCompensation(self.axis, 0.0, pitch, (self._middle + share * pitch) % pitch)
-        closer = CLOSER * step / (FINER + 1), CLOSER * apart / (FINER_OFFSETS + 1)
-        others = [other for way in _between(FINER) if (other := turns + way * step) >= FEWEST_TURNS]
+        closer = CLOSER * step / (PERIODS_BETWEEN + 1), CLOSER * apart / (FINER_OFFSETS + 1)
+        others = [other for way in _between(PERIODS_BETWEEN) if (other := turns + way * step) >= FEWEST_TURNS]
         near = list(product(others, _between(FINER_OFFSETS)))
         return self._term(effect, lambda: [self._teeth(other, share + off * apart, *closer) for other, off in near])
 
@@ -225,11 +228,11 @@ class Scan:
             return []
         peaks: list[int] = []
         for number in np.argsort(-self._power()).tolist():
-            if all(abs(number - other) > APART for other in peaks):
+            if all(abs(number - other) > STEPS_APART for other in peaks):
                 peaks.append(number)
             if len(peaks) == PEAKS:
                 break
-        near = STEP / MEMBERS * np.arange(-MEMBERS, MEMBERS + 1)
+        near = SCAN_STEP_PERIODS / MEMBERS * np.arange(-MEMBERS, MEMBERS + 1)
         proposed = [float(self.turns[peak] + change) for peak in peaks for change in near]
         return [turns for turns in proposed if turns >= FEWEST_TURNS]
 
@@ -241,7 +244,7 @@ class Scan:
         fine = int(np.ceil(np.sqrt(len(self.turns))))
         shares = 2j * np.pi * (self.positions - self._middle)[:, None] / self.travel
         coarse = np.exp(shares * self.turns[::fine]) * self.along[:, None]
-        sums = coarse.T @ np.exp(shares * STEP * np.arange(fine))
+        sums = coarse.T @ np.exp(shares * SCAN_STEP_PERIODS * np.arange(fine))
         return np.asarray(np.abs(sums.reshape(-1)[: len(self.turns)]) ** 2)
 
 

@@ -20,7 +20,7 @@ from calibration.measurement.measuring_date import MEASURED, measuring_date
 from calibration.measurement.text_table import Table, read_table
 from kinematics.files.column_map import SECONDS, TEMPERATURE, TIME
 from kinematics.files.mistaken import did_you_mean
-from kinematics.files.time_stamps import HOUR, ZONE
+from kinematics.files.time_stamps import SUMMER_TIME_STEP_S, ZONE
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from rendering.shown import Shown
@@ -31,11 +31,11 @@ TILTS = {"A": ("Y1_um", "Y2_um"), "B": ("X1_um", "X2_um")}
 """Tilts about X and Y, with the two readings that show them."""
 U, DISTANCE = "u_um", "distance_mm"
 """Header keys: standard uncertainty of a reading, um, and distance of the two sensors of a direction, mm."""
-FEWEST = 3
+FEWEST_LOGGED = 3
 """Fewest readings of a log."""
 ROUNDED_H = 1e-9
 """Rounding of times, h."""
-URAD = 1e3
+URAD_OF_UM_PER_MM = 1e3
 """urad in um per mm."""
 
 
@@ -131,8 +131,8 @@ def read_etve(path: Path, period_h: float | None = None) -> Etve:
     units, own_u = dict.fromkeys(readings, "um"), dict.fromkeys(readings, u)
     for tilt, (first, second) in TILTS.items():
         if distance is not None and {first, second} <= read.keys():
-            readings[tilt] = (read[second] - read[first]) / distance * URAD
-            units[tilt], own_u[tilt] = "urad", float(np.sqrt(2.0)) * u / distance * URAD
+            readings[tilt] = (read[second] - read[first]) / distance * URAD_OF_UM_PER_MM
+            units[tilt], own_u[tilt] = "urad", float(np.sqrt(2.0)) * u / distance * URAD_OF_UM_PER_MM
     variations = tuple(
         Variation(name, units[name], value, 2.0 * float(np.sqrt(2.0)) * own_u[name], begin, end)
         for name, values in readings.items()
@@ -182,13 +182,13 @@ def _entries(table: Table, sensors: list[str]) -> tuple[float, float | None]:
 def _hours(table: Table) -> Array:
     """Times `(n,)`, h from the first reading; UserError for too few, and for times that do not go forward."""
     seconds = table.numbers([SECONDS])[SECONDS]
-    if len(seconds) < FEWEST:
-        raise UserError(f"{table.source}: {len(seconds)} readings: a variation needs {FEWEST} or more")
+    if len(seconds) < FEWEST_LOGGED:
+        raise UserError(f"{table.source}: {len(seconds)} readings: a variation needs {FEWEST_LOGGED} or more")
     back = np.diff(seconds) <= 0.0
     if back.any():
         row = int(np.argmax(back)) + 1
         table.fault(row, SECONDS, "the time is not after that of the row before: sort the rows by time")
-    return np.asarray((seconds - seconds[0]) / HOUR)
+    return np.asarray((seconds - seconds[0]) / SUMMER_TIME_STEP_S)
 
 
 def _largest_range(time: Array, values: Array, period: float) -> tuple[float, float, float]:

@@ -29,12 +29,12 @@ from kinematics.forward import tool_point
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 
-STATES = 400
+MOST_CHANGE_STATES = 400
 """Largest number of states, evenly spread, at which both models are compared."""
 CHANGED = 2.0
 """Standard uncertainties from which a difference is a change."""
 DETERMINED = 1e-12
-UM = 1e3
+UM_PER_MM = 1e3
 """um in a mm."""
 
 
@@ -69,7 +69,7 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
     """The change of a machine from the calibration `present` to `new`; kept: mask `(n,)` of the states that count."""
     machine = measurement.machine
     rows = np.flatnonzero(kept)
-    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), STATES)).astype(int)]
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CHANGE_STATES)).astype(int)]
     some = measurement.rows(rows)
     q, tool = some.state.positions, some.tool
     seen = directions_seen(measurement)
@@ -83,12 +83,12 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
         deviation = _seen(exact_deviation(machine, q, errors, tool).position.reshape(-1, 1), seen)
         design = Design(own.effects, machine, measurement.state, with_instrument=False).of(rows, transform)
         apart = rigid.removed(design.reshape(len(deviation), -1)).reshape(design.shape)
-        return rigid.removed(deviation)[:, 0] * UM, (own.propagated(apart).reshape(-1) * UM) ** 2
+        return rigid.removed(deviation)[:, 0] * UM_PER_MM, (own.propagated(apart).reshape(-1) * UM_PER_MM) ** 2
 
     def moved(line: Effect) -> float:
         alone = msgspec.structs.replace(no_errors(machine), effects=(line,))
         columns = alone.design(machine, some.state, transform).reshape(-1, 1) * line.parameters[0]
-        return float(np.linalg.norm(rigid.removed(columns)) / np.sqrt(len(rows))) * UM
+        return float(np.linalg.norm(rigid.removed(columns)) / np.sqrt(len(rows))) * UM_PER_MM
 
     lines = tuple(_differences(machine, present, new, some.arms))
     (now, u_now), (before, u_before) = predicted(new), predicted(present)
@@ -147,7 +147,7 @@ def _sizes(machine: Machine, model: ErrorModel, arms: Mapping[str, Array]) -> It
             add(effect, np.eye(len(model.parameters))[part.start])
     for motion, _ in model.error_motions:
         if motion.axis[0] not in "ABC" and motion.component == own_component(motion.axis):
-            row = line_at_centre(model, motion, arms).slope * own_motion(machine, motion.axis)[2] * UM
+            row = line_at_centre(model, motion, arms).slope * own_motion(machine, motion.axis)[2] * UM_PER_MM
             add(Scale(motion.axis, 0.0), row)
     for effect, row in functions.values():
         u = float(model.propagated(row[None, None])[0, 0])

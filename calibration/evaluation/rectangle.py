@@ -27,9 +27,9 @@ from rendering.shown import Shown
 
 PLANES = {"XY": ("C", -1.0), "XZ": ("B", 1.0), "YZ": ("A", -1.0)}
 """Planes: the component of the squareness of the second axis to the first, and its sign for a lean towards plus."""
-OFF = 0.05
+IMPOSSIBLE_ANGLE_RAD = 0.05
 """Error of the right angle, rad, that no machine in use has; share by which a given side may differ."""
-STEP = 1e-4
+DERIVATIVE_STEP_MM = 1e-4
 """Change of a length, mm, for the derivatives."""
 CONTRADICTS = 4.0
 """Standard uncertainties by which the fourth length may differ."""
@@ -74,10 +74,10 @@ class Rectangle(Shown):
                     f"are two letters exchanged? AC and BD are the diagonals, {name[2:].upper()} is a side"
                 )
         squared = self.ac**2 + self.bd**2 - 2.0 * self.ad**2
-        if squared <= 0.0 or abs(self.tangent) > OFF:
+        if squared <= 0.0 or abs(self.tangent) > IMPOSSIBLE_ANGLE_RAD:
             raise UserError(
                 f"--ac {self.ac:g}, --bd {self.bd:g}, --ad {self.ad:g}: the corner would be more than "
-                f"{math.degrees(OFF):.1f} degrees off 90: measure again, or set the axes by hand first"
+                f"{math.degrees(IMPOSSIBLE_ANGLE_RAD):.1f} degrees off 90: measure again, or set the axes by hand first"
             )
         self._refuse_contradiction()
 
@@ -113,9 +113,9 @@ class Rectangle(Shown):
         """Its standard uncertainty: that of each length by itself."""
         slopes = []
         for name in ("ac", "bd", "ad"):
-            ends = [getattr(self, name) + step for step in (-STEP, STEP)]
+            ends = [getattr(self, name) + step for step in (-DERIVATIVE_STEP_MM, DERIVATIVE_STEP_MM)]
             low, high = (_tangent(**{**self.lengths, name: end}) for end in ends)
-            slopes.append((high - low) / (2.0 * STEP))
+            slopes.append((high - low) / (2.0 * DERIVATIVE_STEP_MM))
         return self.u * math.hypot(*slopes)
 
     @property

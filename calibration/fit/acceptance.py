@@ -17,7 +17,7 @@ from calibration.fit.identifiability import Identifiability
 from calibration.fit.prediction import RelativeDeviation, usual_target
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import decorrelation_of, whitened
-from calibration.observation.outliers import MOST, too_many
+from calibration.observation.outliers import OUTLIER_SHARE, too_many
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
 from kinematics.error_model.model import ErrorModel
@@ -28,15 +28,15 @@ from kinematics.state import State
 from kinematics.transforms import Array, by_turn
 from kinematics.user_error import UserError
 
-SPARE = 0.2
+SPARE_SHARE = 0.2
 """Share of the observations that must be left over to check the parameters that they determine."""
 CUBIC = 4
 """Parameters of a cubic."""
 QUIET = 0.1
 """chi2/dof below which the stated uncertainty of the instrument is too large for the data."""
-COVERAGE = 2.0
+COVERAGE_FACTOR = 2.0
 """Coverage factor k: a correction is significant where it exceeds k standard uncertainties."""
-MOSTLY = 0.5
+SIGNIFICANT_SHARE = 0.5
 """Share of positions at which the correction must be significant."""
 ANYWHERE = 300
 """Number of states, within the measured ranges of all axes, at which a correction is compared with its uncertainty."""
@@ -98,22 +98,22 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
     observations = sum(found.observations for found in fits)
     components = max(found.measurement.components for found in fits)
     determined = registered + identified.rank_registered
-    checked = observations * (1.0 - SPARE) >= determined
+    checked = observations * (1.0 - SPARE_SHARE) >= determined
     if all(found.measurement.instrument.MAY_BE_FEW for found in fits):
         return ""
     if checked and (known >= unknown or components == 1):
         return ""
-    enough = math.ceil((registered + identified.parameters - identified.by_convention) / (1.0 - SPARE))
+    enough = math.ceil((registered + identified.parameters - identified.by_convention) / (1.0 - SPARE_SHARE))
     advice = f"repeat the runs or measure more positions ({enough} rows are enough for these), or fit a smaller basis"
     if components > 1:
-        positions = math.ceil(max(unknown, determined) / (1.0 - SPARE) / components)
+        positions = math.ceil(max(unknown, determined) / (1.0 - SPARE_SHARE) / components)
         advice = f"measure about {positions} positions or more, spread over the travel, or fit a smaller basis"
     those = unknown if determined < unknown else "them"
     rows = sum(int(np.count_nonzero(found.kept)) for found in fits)
     return (
         f"{rows} rows ({observations} observations) are too few for "
         f"{identified.parameters} parameters of the machine and {registered} of the registration: they determine "
-        f"{determined} of {those}, and {100 * SPARE:g} % of the observations must remain to check them; {advice}"
+        f"{determined} of {those}, and {100 * SPARE_SHARE:g} % of the observations must remain to check them; {advice}"
     )
 
 
@@ -140,7 +140,7 @@ def disagreement(found: Fit) -> str:
     fate += [f"{stay} of them stay in the fit and in every figure"] if stay else []
     return (
         f"{number} of {rows} rows ({100 * number / rows:.0f} %) disagree with the others by more than noise allows, "
-        f"more than the {100 * MOST:g} % that may be outliers: {'; '.join(fate)}. The model lacks an effect, or "
+        f"more than the {100 * OUTLIER_SHARE:g} % that may be outliers: {'; '.join(fate)}. The model lacks an effect, or "
         "something happened during the measurement: find it, or remove these rows from the file; --force writes the "
         "calibration nevertheless"
     )
@@ -235,10 +235,10 @@ def without_clamp(points: Array) -> Array:
 
 
 def significant_share(identified: RelativeDeviation) -> float:
-    """Share of the states at which a component of the deviation exceeds COVERAGE standard uncertainties.
+    """Share of the states at which a component of the deviation exceeds `COVERAGE_FACTOR` standard uncertainties.
 
     Deviations are relative to their mean: a common shift is no error of a part whose zero was touched off on the
     machine.
     """
     u = np.where(identified.u > 0.0, identified.u, np.inf)
-    return float(np.mean(np.any(np.abs(identified.deviation) > COVERAGE * u, axis=1)))
+    return float(np.mean(np.any(np.abs(identified.deviation) > COVERAGE_FACTOR * u, axis=1)))

@@ -16,17 +16,17 @@ from kinematics.basis import Interval
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.effects.base import unit_of
 from kinematics.error_model.model import ErrorModel, encode_model
-from kinematics.machine import TURN, Axis, Machine
+from kinematics.machine import TURN_DEG, Axis, Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.turn import beyond, gap_of
 from kinematics.user_error import UserError
 
-SHARE = 0.5
+CHANGE_SHARE = 0.5
 """Largest permitted change of an error motion outside the measured range, as a share of its change inside."""
 FLOOR = 10.0
 """Change, um or urad, that is never refused."""
-STEPS = 721
+POSITIONS_OF_RANGE = 721
 """Number of positions along the measured range, and again along the whole travel."""
 
 
@@ -51,13 +51,13 @@ def calibration_file(model: ErrorModel, machine: Machine) -> bytes:
 
 
 def check_beyond_measured(model: ErrorModel, machine: Machine) -> None:
-    """UserError, naming the first error motion that grows outside the measured range by more than SHARE and FLOOR."""
+    """UserError, naming the first error motion that grows outside the measured range by more than `CHANGE_SHARE` and FLOOR."""
     for growth in growths(model, machine):
-        if growth.outside > max(SHARE * growth.inside, FLOOR):
+        if growth.outside > max(CHANGE_SHARE * growth.inside, FLOOR):
             raise UserError(
                 f"no calibration is written: {growth.name} changes by {growth.inside:.3g} {growth.unit} in the "
                 f"measured range ({growth.measured}) and by {growth.outside:.3g} {growth.unit} more outside "
-                f"(at {growth.where:.4g}), more than {SHARE:.0%} and {FLOOR:g} {growth.unit}: measure the axis over "
+                f"(at {growth.where:.4g}), more than {CHANGE_SHARE:.0%} and {FLOOR:g} {growth.unit}: measure the axis over "
                 "its travel, or leave out the effect that causes it (a wobble, a wave, a product with another axis)"
             )
 
@@ -107,12 +107,17 @@ def _everywhere(axis: Axis, arc: Interval) -> Array:
     """
     width = arc[1] - arc[0]
     if axis.turns_fully:
-        low, high = (arc[0], arc[0] + TURN) if gap_of(arc) else arc
+        low, high = (arc[0], arc[0] + TURN_DEG) if gap_of(arc) else arc
     else:
         low = axis.travel[0] if np.isfinite(axis.travel[0]) else arc[0] - width
         high = axis.travel[1] if np.isfinite(axis.travel[1]) else arc[1] + width
     return np.unique(
-        np.concatenate([np.linspace(*arc, STEPS), np.linspace(min(low, arc[0]), max(high, arc[1]), STEPS)])
+        np.concatenate(
+            [
+                np.linspace(*arc, POSITIONS_OF_RANGE),
+                np.linspace(min(low, arc[0]), max(high, arc[1]), POSITIONS_OF_RANGE),
+            ]
+        )
     )
 
 

@@ -38,10 +38,10 @@ POSE = 6
 """Smallest number of rows that locates a set-up, or a target of unknown position, well enough to predict other rows."""
 OWN_ZERO = 4
 """Smallest number of rows of a run of an interferometer that show its zero and predict one another beside it."""
-MOSTLY = 0.75
+AGREEING_BLOCK_SHARE = 0.75
 """Share of blocks that agree in sign from which a difference counts although it is within its standard error: a few
 blocks may hold most of the squares."""
-LEAST_LINES, MOST_LINES = 3, 24
+FEWEST_DIAGONALS, MOST_DIAGONALS = 3, 24
 """Fewer diagonals do not predict each other; more of them fill the volume."""
 MOVING = 0.01
 """Least range of an axis that moves in a line, as a share of the largest one."""
@@ -73,13 +73,13 @@ class Gains(NamedTuple):
 def _sign(gains: Array) -> int:
     """1 for a gain beyond the spread of the blocks, -1 for such a loss, 0 for a difference within it.
 
-    Beyond it: the sum exceeds its standard error, or a share of MOSTLY of the blocks has its sign.
+    Beyond it: the sum exceeds its standard error, or a share of `AGREEING_BLOCK_SHARE` of the blocks has its sign.
     """
     n, total = len(gains), float(gains.sum())
     if n < 2 or total == 0.0:
         return 0
     alike = np.count_nonzero(gains * total > 0.0)
-    sure = abs(total) > np.sqrt(n * gains.var(ddof=1)) or alike >= MOSTLY * n
+    sure = abs(total) > np.sqrt(n * gains.var(ddof=1)) or alike >= AGREEING_BLOCK_SHARE * n
     return int(np.sign(total)) if sure else 0
 
 
@@ -308,13 +308,13 @@ def less_columns(values: Array, columns: Array) -> Array:
 def diagonals(measurement: Measurement) -> np.ndarray | None:
     """Numbers `(n,)` of the lines on which the positions lie; None unless these are a few diagonals.
 
-    On a diagonal two or more linear axes move. A few (LEAST_LINES to MOST_LINES) diagonals determine the errors between
+    On a diagonal two or more linear axes move. A few (`FEWEST_DIAGONALS` to `MOST_DIAGONALS`) diagonals determine the errors between
     them poorly.
     """
     if measurement.axis is not None or measurement.across is not None:
         return None
     found, positions = lines(measurement), measurement.state.positions[:, ~measurement.machine.rotary]
-    if (found < 0).any() or not LEAST_LINES <= found.max() + 1 <= MOST_LINES:
+    if (found < 0).any() or not FEWEST_DIAGONALS <= found.max() + 1 <= MOST_DIAGONALS:
         return None
     ranges = np.array([np.ptp(positions[found == line], axis=0) for line in range(found.max() + 1)])
     moving = ranges > MOVING * ranges.max(axis=1, keepdims=True)

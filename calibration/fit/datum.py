@@ -50,11 +50,11 @@ RULED = 2e-3
 
 Along such a direction the rules would give large parameters that only cancel one another.
 """
-HARMONIC = 1e-2
+HARMONIC_RULE_WEIGHT = 1e-2
 """Weight of the rules for first harmonics, which only some bases represent exactly."""
-TURN = np.deg2rad(60.0)
+SHORTEST_TURN_RAD = np.deg2rad(60.0)
 """Shortest range of a rotary axis, rad, over which a first harmonic differs from a constant."""
-NULL = 1e-9
+NULL_EIGENVALUE = 1e-9
 """Eigenvalues below this share of the largest count as zero."""
 GAUGE = 1e-2
 """Largest information of the ideal measurement, to 1 um, on the gauge, with parameters in units of their priors."""
@@ -79,7 +79,7 @@ def model_in_datum(model: ErrorModel, measurement: Measurement, prior: Array) ->
 
 def null_space(information: Array) -> Array:
     """Orthonormal directions `(p, k)` on which an information matrix has no information."""
-    return pseudo_inverse(information, NULL, 1.0).null
+    return pseudo_inverse(information, NULL_EIGENVALUE, 1.0).null
 
 
 def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
@@ -110,7 +110,7 @@ def _with_constants(found: Array, motions: Sequence[tuple[ErrorMotion, slice]], 
     if not constants.shape[1]:
         return found
     u, values, _ = singular_values(np.concatenate([found, constants], axis=1))
-    return np.asarray(u[:, values > NULL])
+    return np.asarray(u[:, values > NULL_EIGENVALUE])
 
 
 def to_datum(machine: Machine, model: ErrorModel, prior: Array, arms: Mapping[str, Array] = AT_ORIGIN) -> Array:
@@ -160,7 +160,7 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
             if not axis.rotary or len(motions) < 3:
                 continue
             low, high = np.deg2rad(motions[0][0].basis.interval)
-            if high - low < TURN:
+            if high - low < SHORTEST_TURN_RAD:
                 continue
             q = np.linspace(low, high, 201)
             line = axis.error_frame.T @ axis.unit_direction
@@ -173,7 +173,7 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
             for turned in parts:
                 row = np.zeros(len(model.parameters))
                 for (effect, part), weights in zip(motions, turned, strict=True):
-                    row[part] = HARMONIC * weights @ columns_of(axis, effect.basis, np.rad2deg(q))
+                    row[part] = HARMONIC_RULE_WEIGHT * weights @ columns_of(axis, effect.basis, np.rad2deg(q))
                 yield row
 
 

@@ -33,18 +33,18 @@ from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-LEAST = 1e-8
+LEAST_VARIANCE_FACTOR = 1e-8
 """Smallest variance factor that is estimated, for exact data."""
-SPARE = 0.2
+EXCESS_SHARE = 0.2
 """Share of the observations that must exceed the parameters for a noise estimate below the instrument specification."""
 ENOUGH_ROWS = 20_000
 """Largest number of rows in the iterations; the last step uses all rows."""
-STEPS = 30
+MOST_FIT_STEPS = 30
 STEPS_OF_OUTLIERS = 10
 """Largest number of steps with all rows, each with the outliers that the last one showed."""
-CONVERGED = 1e-3
+LAST_STEP_U = 1e-3
 """Length of a step, in standard uncertainties, below which the iteration ends."""
-LONGEST = 8.0
+LARGEST_STEP_FACTOR = 8.0
 """Largest multiple, and smallest share, of a Gauss-Newton step that is tried."""
 DOUBTFUL_P = 1e-3
 """p of chi2 below which the uncertainties of the instrument specification are widened to the residuals (Birge)."""
@@ -278,7 +278,7 @@ def _iterate(problem: Problem, point: Point, variance: Variance, *, shapes_held:
     factor, effective_parameters, least = 1.0, 0.0, 1.0
     shaped = not problem.linear.all()
     derivatives, last, taken = None, np.zeros(0), np.zeros(0)
-    for step in range(STEPS):
+    for step in range(MOST_FIT_STEPS):
         if shaped or derivatives is None:
             derivatives = problem.derivatives(point)
         weights_of = partial(
@@ -299,7 +299,7 @@ def _iterate(problem: Problem, point: Point, variance: Variance, *, shapes_held:
         if variance == "estimate":
             least = _least(found.solved, len(stop) * components, variance)
             factor = robust_factor(problem.distances(point), components, effective_parameters, least, stop)
-        if step and (found.solved.length < CONVERGED or point is before):
+        if step and (found.solved.length < LAST_STEP_U or point is before):
             break
     return _Solution(point, factor, found.solved)
 
@@ -319,14 +319,16 @@ def _shares(own: Array, last: Array, taken: Array) -> Array:
         return np.ones(len(own))
     change = last - own
     secant = np.divide(taken, change, out=np.full(len(own), np.inf), where=change != 0.0)
-    return np.where(secant > 0.0, np.clip(secant, 1.0 / LONGEST, LONGEST), LONGEST)
+    return np.where(secant > 0.0, np.clip(secant, 1.0 / LARGEST_STEP_FACTOR, LARGEST_STEP_FACTOR), LARGEST_STEP_FACTOR)
 
 
 def _least(solved: Solved, scalars: int, variance: Variance) -> float:
     """Smallest permitted variance factor: 1, unless there are enough observations to estimate a smaller one."""
-    spare = scalars * (1.0 - SPARE)
+    spare = scalars * (1.0 - EXCESS_SHARE)
     # the rank is slower to compute than the number of parameters
-    return LEAST if variance == "estimate" and (solved.parameters < spare or solved.rank < spare) else 1.0
+    return (
+        LEAST_VARIANCE_FACTOR if variance == "estimate" and (solved.parameters < spare or solved.rank < spare) else 1.0
+    )
 
 
 def _left_out(

@@ -15,9 +15,9 @@ from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
-WHOLE = 1e-6
+WITHIN_EFFECTS_SHARE = 1e-6
 """Squared share of a direction outside some effects, below which it lies within them."""
-PART = 1e-2
+ROUNDING_OF_SHARE = 1e-2
 """Share of a direction below which it is rounding."""
 
 ON_TABLE = (
@@ -74,7 +74,7 @@ def identifiability(fit: Fit) -> Identifiability:
     null = null_space(information)
     free = gauge(fit.measurement.machine, fit.model, fit.prior)
     u, values, _ = singular_values(null @ (null.T @ free))
-    conventional = np.asarray(u[:, values > 1 - PART])
+    conventional = np.asarray(u[:, values > 1 - ROUNDING_OF_SHARE])
     size = len(fit.prior)
     return Identifiability(
         size,
@@ -107,7 +107,11 @@ def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
     others = _beyond(null, explained)
     if others.shape[1]:
         weight = np.linalg.norm(others, axis=1)
-        mixed = [effect for effect, part in zip(effects, columns, strict=True) if weight[part].max(initial=0.0) > PART]
+        mixed = [
+            effect
+            for effect, part in zip(effects, columns, strict=True)
+            if weight[part].max(initial=0.0) > ROUNDING_OF_SHARE
+        ]
         found.append(_unidentifiable(fit, mixed, others.shape[1], sum(len(effect.parameters) for effect in mixed)))
     return found
 
@@ -120,7 +124,7 @@ def _along_itself(effect: Effect) -> bool:
 def _inside(null: Array, part: np.ndarray) -> Array:
     """The null directions `(p, k)` that have no share outside the parameters of `part`."""
     _, shares, directions = singular_values(null[part])
-    return np.asarray(null @ directions[shares**2 > 1.0 - WHOLE].T)
+    return np.asarray(null @ directions[shares**2 > 1.0 - WITHIN_EFFECTS_SHARE].T)
 
 
 def _beyond(directions: Array, known: Array) -> Array:
@@ -129,7 +133,7 @@ def _beyond(directions: Array, known: Array) -> Array:
         return directions
     unknown = directions - known @ (known.T @ directions)
     u, values, _ = singular_values(unknown)
-    return np.asarray(u[:, values > PART])
+    return np.asarray(u[:, values > ROUNDING_OF_SHARE])
 
 
 def _unidentifiable(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int) -> Unidentifiable:

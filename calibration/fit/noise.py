@@ -26,30 +26,30 @@ from kinematics.effects.base import own_motion, unit_of
 from kinematics.error_model.effect_sums import Design
 from kinematics.transforms import Array, blocks
 
-CERTAIN = 4.0
+CERTAIN_STANDARD_ERRORS = 4.0
 """Standard errors by which a variance must differ from the specification: 1 in 30,000 by chance."""
-ENOUGH = 20
+ENOUGH_DEGREES_OF_FREEDOM = 20
 """Degrees of freedom from which the scatter of visits limits a variance."""
 BLIND = 1e-6
 """Square of the lever of an axis at a stop, as a share of the largest, below which the stop does not see the axis."""
-ROWS = 5000
+MOST_NOISE_ROWS = 5000
 """Largest number of rows; whole stops, evenly spread."""
-ROUNDS = 4
+MOST_OUTLIER_ROUNDS = 4
 """Most rounds in which rows that disagree under the last estimate are left out of the next."""
-STEPS = 25
-ROUGH, CONVERGED = 0.3, 0.03
+MOST_NOISE_STEPS = 25
+ROUGH_STEP_U, LAST_NOISE_STEP_U = 0.3, 0.03
 """Step in standard errors of the variances below which the iteration ends: for one that is clearly not clear, and of
 the result."""
 NEVER = 0.1
 """Standard errors below which a variance does not become clear without another one."""
-FARTHEST = 100.0
+LARGEST_VARIANCE_FACTOR = 100.0
 """Factor by which a variance changes in one step at most."""
 SHARED = 1e-6
 """Ridge on the correlations of the variances: two of them may be indistinguishable."""
-START, NOTHING = 0.1, 1e-6
-"""Variances of an axis at the start and at least, in units of that of `TYPICAL`."""
+FIRST_VARIANCE, LEAST_VARIANCE = 0.1, 1e-6
+"""Variances of an axis at the start and at least, in units of that of `UNIT_UM`."""
 RIDGE = 1e-9
-TYPICAL = 10.0
+UNIT_UM = 10.0
 """Unit of the standard deviations in the iteration, um or urad."""
 
 
@@ -69,8 +69,8 @@ def _estimated(found: Fit) -> EstimatedNoise | None:
     if measurement.components == 1 or measurement.across is not None or not axes:
         return None
     every = _Components.of(found, measurement, axes)
-    good, start = every.agreeing(None), np.append(1.0, np.full(len(axes), START))
-    for _ in range(ROUNDS):
+    good, start = every.agreeing(None), np.append(1.0, np.full(len(axes), FIRST_VARIANCE))
+    for _ in range(MOST_OUTLIER_ROUNDS):
         likeliest = None if _as_specified(every.rows(good)) else _estimate(every.rows(good), start)
         if likeliest is None or likeliest.estimate is None:
             return None
@@ -79,7 +79,7 @@ def _estimated(found: Fit) -> EstimatedNoise | None:
         if np.array_equal(before, good):
             break
     visits = every.rows(good).repeated(estimate)
-    units = TYPICAL * np.array([unit_of(axis)[1] for axis in axes])
+    units = UNIT_UM * np.array([unit_of(axis)[1] for axis in axes])
 
     def sizes(variances: Array) -> dict[str, float]:
         return {axes[k]: float(np.sqrt(variances[k]) * units[k]) for k in np.flatnonzero(variances).tolist()}
@@ -102,7 +102,7 @@ class _Estimate(NamedTuple):
     factor: float
     """Variance of the instrument, in units of the specification."""
     of_axes: Array
-    """`(axes,)`, in units of that of `TYPICAL`."""
+    """`(axes,)`, in units of that of `UNIT_UM`."""
 
 
 def _estimate(components: _Components, start: Array) -> _Found:
@@ -114,7 +114,7 @@ def _estimate(components: _Components, start: Array) -> _Found:
     found = _clear(components, start, start > 0.0)
     assert found is not None
     resting = start <= 0.0
-    while (growing := resting & (found.moments.growth(found.active) >= CERTAIN)).any():
+    while (growing := resting & (found.moments.growth(found.active) >= CERTAIN_STANDARD_ERRORS)).any():
         resting &= ~growing
         first = np.where(growing, found.moments.first(found.active), found.variances)
         found = _clear(components, first, found.active | growing, growing) or found
@@ -135,7 +135,9 @@ class _Found(NamedTuple):
     @property
     def estimate(self) -> _Estimate | None:
         """The estimate; None where it agrees with the specification."""
-        factor = float(self.variances[0]) if abs(self.variances[0] - 1.0) > CERTAIN * self.error[0] else 1.0
+        factor = (
+            float(self.variances[0]) if abs(self.variances[0] - 1.0) > CERTAIN_STANDARD_ERRORS * self.error[0] else 1.0
+        )
         return None if factor == 1.0 and not self.variances[1:].any() else _Estimate(factor, self.variances[1:])
 
 
@@ -147,7 +149,7 @@ def _clear(
     variances `(1 + axes,)`: at which the iteration begins. wanted `(1 + axes,)`: once all of these have fallen, the
     result is None.
     """
-    within = ROUGH
+    within = ROUGH_STEP_U
     while True:
         variances, moments = _likeliest(components, variances, active, within)
         error = np.zeros(len(variances))
@@ -156,14 +158,14 @@ def _clear(
         error[active] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, RIDGE * values[-1])))
         clear = np.divide(variances, error, out=np.full(len(error), np.inf), where=active & (error > 0.0))
         clear[0] = np.inf
-        if clear.min() < CERTAIN - 2.0 * (within - CONVERGED):
+        if clear.min() < CERTAIN_STANDARD_ERRORS - 2.0 * (within - LAST_NOISE_STEP_U):
             # two axes may explain the same: without one of them the other is clear
             dropped = active & (clear <= max(clear.min(), NEVER))
-            active, within, variances = active & ~dropped, ROUGH, np.where(dropped, 0.0, variances)
+            active, within, variances = active & ~dropped, ROUGH_STEP_U, np.where(dropped, 0.0, variances)
             if wanted is not None and not (active & wanted).any():
                 return None
-        elif within > CONVERGED:
-            within = CONVERGED
+        elif within > LAST_NOISE_STEP_U:
+            within = LAST_NOISE_STEP_U
         else:
             return _Found(variances, active, moments, error)
 
@@ -172,7 +174,7 @@ def _as_specified(components: _Components) -> bool:
     """True where no variance differs clearly from the specification."""
     moments = components.moments(np.append(1.0, np.zeros(len(components.axes))))
     clear = (moments.observed - moments.expected) / np.maximum(moments.uncertainty, 1e-300)
-    return bool(abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN)
+    return bool(abs(clear[0]) < CERTAIN_STANDARD_ERRORS and clear[1:].max() < CERTAIN_STANDARD_ERRORS)
 
 
 def _likeliest(components: _Components, variances: Array, active: np.ndarray, within: float) -> tuple[Array, _Moments]:
@@ -182,11 +184,11 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray, wi
     secant's: scoring would overshoot in turn.
     """
     steps, taken = np.zeros(len(variances)), np.zeros(len(variances))
-    for _ in range(STEPS):
+    for _ in range(MOST_NOISE_STEPS):
         moments = components.moments(variances)
         slope = moments.slope
         shown = np.diag(moments.information) > 0.0  # not so for a table's axis, by targets on the tool from the bed
-        free = np.flatnonzero(active & shown & ((variances > NOTHING) | (slope > 0.0)))
+        free = np.flatnonzero(active & shown & ((variances > LEAST_VARIANCE) | (slope > 0.0)))
         if not len(free):
             break
         scale = np.sqrt(np.diag(moments.information)[free])
@@ -197,7 +199,11 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray, wi
         back = (last * steps[free] < 0.0) & (last * taken[free] > 0.0)
         share = np.divide(taken[free], last - steps[free], out=np.ones(len(free)), where=back)
         moved, before, variances = variances[free] + share * steps[free], variances, variances.copy()
-        variances[free] = np.clip(moved, np.maximum(variances[free] / FARTHEST, NOTHING), variances[free] * FARTHEST)
+        variances[free] = np.clip(
+            moved,
+            np.maximum(variances[free] / LARGEST_VARIANCE_FACTOR, LEAST_VARIANCE),
+            variances[free] * LARGEST_VARIANCE_FACTOR,
+        )
         taken = variances - before
         if np.abs(step).max() < within:
             break
@@ -205,12 +211,12 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray, wi
 
 
 def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
-    """Change of the observations `(n, d, axes)`, mm, by an error of `TYPICAL` along each axis' own motion."""
+    """Change of the observations `(n, d, axes)`, mm, by an error of `UNIT_UM` along each axis' own motion."""
     columns, units = [], []
     for axis in axes:
         i, component, _ = own_motion(measurement.machine, axis)
         columns.append(6 * i + component)
-        units.append(TYPICAL * unit_of(axis)[1])
+        units.append(UNIT_UM * unit_of(axis)[1])
     arms = [
         measurement.rows(rows).instrument.transform(measurement.rows(rows), found.registration)[:, :, columns]
         for rows in blocks(len(measurement))
@@ -225,12 +231,12 @@ def _limited(variance: float, least: float, values: Array, own: Array, same: np.
     the component itself where `least` is 1 is a factor on them.
     """
     count, degrees = np.bincount(same), _degrees(values, same)
-    if degrees < ENOUGH:
+    if degrees < ENOUGH_DEGREES_OF_FREEDOM:
         return variance
     means = np.stack([np.bincount(same, column) for column in values.T], axis=1) / np.maximum(count, 1)[:, None]
     repeated = count[same] > 1
     scatter = float(np.sum((values - means[same])[repeated] ** 2)) / degrees
-    chance = CERTAIN * np.sqrt(2.0 / degrees) * scatter
+    chance = CERTAIN_STANDARD_ERRORS * np.sqrt(2.0 / degrees) * scatter
     without = 0.0 if least else float(own[repeated].mean())
     if variance <= scatter + chance - without:
         return variance
@@ -305,9 +311,9 @@ class _Components:
         """The rows of a fit, outliers too."""
         numbers = measurement.stops
         rows = np.flatnonzero(~found.copies & ~np.isin(measurement.groups, found.failed))
-        if len(rows) > ROWS:
+        if len(rows) > MOST_NOISE_ROWS:
             chosen = np.unique(numbers[rows])
-            chosen = chosen[np.linspace(0, len(chosen) - 1, len(chosen) * ROWS // len(rows)).astype(int)]
+            chosen = chosen[np.linspace(0, len(chosen) - 1, len(chosen) * MOST_NOISE_ROWS // len(rows)).astype(int)]
             rows = rows[np.isin(numbers[rows], chosen)]
         some = measurement.rows(rows)
         own = some.instrument.registration_design(some, found.registration)
@@ -366,7 +372,7 @@ class _Components:
     @property
     def revisited(self) -> bool:
         """True where the scatter of visits of the same positions limits the variances."""
-        return _degrees(self.residual, self._same) >= ENOUGH
+        return _degrees(self.residual, self._same) >= ENOUGH_DEGREES_OF_FREEDOM
 
     def repeated(self, estimate: _Estimate) -> _Estimate:
         """The estimate, each variance limited to the scatter of visits of the same positions, where these suffice."""

@@ -28,11 +28,11 @@ from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
-LIKELY = 20.0
+REPORTED_ODDS = 20.0
 """Odds against none from which a wave that the basis lacks is reported (Kass and Raftery 1995: strong evidence)."""
 PART_DEG = 300.0
 """Arc, degrees, below which the next wave shifts the mean line of an axis."""
-MANY = 1000
+LARGEST_NAMED_ODDS = 1000
 """Odds above which a report gives no number."""
 
 
@@ -83,20 +83,20 @@ class OmittedWaves:
         return replace(self.beside(found), model=self.uncertain(self.model))
 
     def findings(self, *, chosen: bool) -> Iterator[Finding]:
-        """A finding for each axis whose next wave is LIKELY times as likely as none; chosen: as of `left_out`."""
+        """A finding for each axis whose next wave is `REPORTED_ODDS` times as likely as none; chosen: as of `left_out`."""
         other = "" if chosen else ", or leave out --basis"
         waves = list(self._waves())
         for axis in dict.fromkeys(effect.axis for effect, _ in waves):
             motions = [(effect, part) for effect, part in waves if effect.axis == axis]
             rows = np.concatenate([np.arange(part.stop - 2, part.stop) for _, part in motions])
             odds = self._odds(rows)
-            if odds < np.log(LIKELY):
+            if odds < np.log(REPORTED_ODDS):
                 continue
             sizes = np.linalg.norm((self.prior * self.step)[rows].reshape(-1, 2), axis=1)
             k = int(np.argmax(sizes / self.prior[rows[::2]]))
             effect, number = motions[k][0], _waves_of(motions[k][0])
             size = f"{sizes[k]:.2g} {'urad' if effect.angular else 'um'} of {effect.name}"
-            times = f"{np.exp(odds):.0f}" if odds < np.log(MANY) else f"more than {MANY}"
+            times = f"{np.exp(odds):.0f}" if odds < np.log(LARGEST_NAMED_ODDS) else f"more than {LARGEST_NAMED_ODDS}"
             yield Finding(
                 "waves",
                 f"the rows show wave number {number} per turn of {axis} ({size}), which its basis lacks: {times} times "

@@ -43,11 +43,11 @@ from rendering.shown import Shown
 
 ADDED = ("dx_um", "dy_um", "dz_um", "u_dx_um", "u_dy_um", "u_dz_um")
 """Columns of a prediction."""
-STATES = 1000
+MOST_STATES_COMPARED = 1000
 """Largest number of states that are compared with each other."""
-ARM = 100.0
+LEVER_ARM_MM = 100.0
 """Lever arm, mm, at which errors count that an interferometer measures as angles of a rotary axis."""
-MM = 1e3
+UM_PER_MM = 1e3
 """um in a mm."""
 
 
@@ -117,7 +117,7 @@ class Prediction(Shown):
         return self._whole[1]
 
     def relative(self) -> RelativeDeviation:
-        """Deviations relative to their mean, with their uncertainties, at no more than STATES of the states."""
+        """Deviations relative to their mean, with their uncertainties, at no more than `MOST_STATES_COMPARED` of the states."""
         return relative_at_most(self.model, self.machine, self.state, self.tool)
 
     @property
@@ -172,7 +172,9 @@ def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> 
     design = deviation_design(model, machine, state, tool)
     mean = design.mean(axis=0, keepdims=True)
     return RelativeDeviation(
-        (deviation - deviation.mean(axis=0)) * MM, model.propagated(design - mean) * MM, model.propagated(mean)[0] * MM
+        (deviation - deviation.mean(axis=0)) * UM_PER_MM,
+        model.propagated(design - mean) * UM_PER_MM,
+        model.propagated(mean)[0] * UM_PER_MM,
     )
 
 
@@ -182,13 +184,13 @@ def deviation_design(model: ErrorModel, machine: Machine, state: State, tool: Ar
 
 
 def relative_at_most(
-    model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = STATES
+    model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = MOST_STATES_COMPARED
 ) -> RelativeDeviation:
     """As `relative`, at `most` states or fewer, evenly spread."""
     return relative(model, machine, *evenly_spread(state, tool, most))
 
 
-def evenly_spread(state: State, tool: Array, most: int = STATES) -> tuple[State, Array]:
+def evenly_spread(state: State, tool: Array, most: int = MOST_STATES_COMPARED) -> tuple[State, Array]:
     """At most so many of the states, evenly spread, with their tool vectors."""
     rows = np.unique(np.linspace(0, len(state) - 1, min(len(state), most)).astype(int))
     return state.rows(rows), tool[rows]
@@ -202,7 +204,7 @@ def relative_deviations(model: ErrorModel, measurement: Measurement) -> Relative
 def usual_states(measurement: Measurement) -> tuple[State, Array]:
     """Measured states, and the vector `(n, 3)`, mm, of the tool target with the most rows, or an arm."""
     if measures_angles(measurement):
-        return measurement.state, np.full((len(measurement), 3), ARM)
+        return measurement.state, np.full((len(measurement), 3), LEVER_ARM_MM)
     on_tool = np.array([target.carrier == "tool" for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
     return measurement.state.rows(rows), np.tile(usual_target(measurement), (len(rows), 1))
@@ -262,4 +264,6 @@ def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) 
         deviation = point_deviations(machine, q, errors[rows], tool[rows])
         transform = error_transform_with_tool(machine, q, tool[rows])[:, :3]
         unmeasured = model.unmeasured_variance(machine, state.rows(rows), transform)
-        yield Predicted(rows, deviation * MM, model.propagated(design.of(rows, transform), unmeasured) * MM)
+        yield Predicted(
+            rows, deviation * UM_PER_MM, model.propagated(design.of(rows, transform), unmeasured) * UM_PER_MM
+        )

@@ -27,23 +27,23 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-UNSEEN = 1e-10
+UNSEEN_EIGENVALUE = 1e-10
 """Eigenvalues below this share of the largest count as zero."""
 
 FIXED = 1e-9
 """Prior standard deviation of a parameter that is held."""
-KEPT = 8_000_000
+KEPT_DERIVATIVES = 8_000_000
 """Most numbers of derivatives of all rows that are kept."""
 REWEIGHTINGS = 3
 """Most changes of the weights for one step."""
-SETTLED = 1e-3
+SETTLED_WEIGHT = 1e-3
 """Largest change of a weight that is left aside."""
-AHEAD = 1.9
+OVER_RELAXATION = 1.9
 """Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective
 cannot rise by it."""
-HALVINGS = 12
+MOST_STEP_HALVINGS = 12
 """Largest number of halvings of a step that raises the objective."""
-ROUNDING = 1e-9
+ROUNDING_OF_OBJECTIVE = 1e-9
 """Rise of the objective that is rounding."""
 
 
@@ -95,7 +95,10 @@ class Solved(NamedTuple):
     def rank(self) -> int:
         """Degrees of freedom that the data would determine without noise."""
         values = np.linalg.eigvalsh(self.information)
-        return int(np.count_nonzero(values > UNSEEN * max(float(values.max(initial=0.0)), 1.0))) + self.registered
+        return (
+            int(np.count_nonzero(values > UNSEEN_EIGENVALUE * max(float(values.max(initial=0.0)), 1.0)))
+            + self.registered
+        )
 
 
 class Reweighted(NamedTuple):
@@ -194,9 +197,9 @@ class Problem:
             squares = self.squares(at, weights, decorrelation) / factor
             return squares + float(distances @ distances) + float(away @ away)
 
-        limit = objective(point) * (1.0 + ROUNDING) + ROUNDING
-        shortened = ((self.moved(point, 0.5**k * step), k) for k in range(HALVINGS))
-        return next((found for found in shortened if objective(found[0]) <= limit), (point, HALVINGS))
+        limit = objective(point) * (1.0 + ROUNDING_OF_OBJECTIVE) + ROUNDING_OF_OBJECTIVE
+        shortened = ((self.moved(point, 0.5**k * step), k) for k in range(MOST_STEP_HALVINGS))
+        return next((found for found in shortened if objective(found[0]) <= limit), (point, MOST_STEP_HALVINGS))
 
     def derivatives(self, point: Point) -> Derivatives:
         """Derivatives of the observations at a point, not whitened."""
@@ -206,7 +209,7 @@ class Problem:
 
     def few_derivatives(self, point: Point) -> Derivatives | None:
         """The same; None where they are too many to be kept."""
-        return derivatives(self.measurement, self.at(point.parameters), point.registration, KEPT)
+        return derivatives(self.measurement, self.at(point.parameters), point.registration, KEPT_DERIVATIVES)
 
     def solve(
         self,
@@ -236,10 +239,10 @@ class Problem:
         solved = self.solution(normal, point)
         aim = np.zeros(len(solved.step))
         for k in range(REWEIGHTINGS):
-            aim = aim + (solved.step - aim) * (AHEAD if k % 2 else 1.0)
+            aim = aim + (solved.step - aim) * (OVER_RELAXATION if k % 2 else 1.0)
             residual = point.residual - derivatives.times(aim)
             after = weights_of(np.sum(self.whitened(residual) ** 2, axis=1))
-            rows = self._with_their_stops(np.abs(after - weights) > SETTLED)
+            rows = self._with_their_stops(np.abs(after - weights) > SETTLED_WEIGHT)
             if not len(rows):
                 break
             some, there = self.rows(rows), replace(point, residual=point.residual[rows])
@@ -328,13 +331,13 @@ def solution(normal: NormalEquations, registration: Registration, prior: Array, 
     mixed = _times(normal.matrix[:size, size:], root) * scales[:, None]
     machine = _between(normal.matrix[size:, size:], root)
     right = np.concatenate([normal.right[:size] * scales, _times(normal.right[size:], root)])
-    half, _, spread = registered = pseudo_inverse(own, UNSEEN, 1.0)
+    half, _, spread = registered = pseudo_inverse(own, UNSEEN_EIGENVALUE, 1.0)
     eliminated = mixed.T @ half
     information = machine - eliminated @ eliminated.T
     eliminated_right = right[size:] - eliminated @ (half.T @ right[:size]) - away
     try:
         # parameters that neither the data nor a prior determines do not move
-        posterior = Posterior(information + np.diag(limited), UNSEEN * (1.0 + np.diag(information)))
+        posterior = Posterior(information + np.diag(limited), UNSEEN_EIGENVALUE * (1.0 + np.diag(information)))
     except LinAlgError:
         raise UserError(
             "the equations of the fit have no solution: positions or readings of the data differ by so many orders of "

@@ -11,7 +11,7 @@ from scipy import special
 from calibration.fit.fit import Fit
 from kinematics.transforms import Array
 
-SIGNIFICANCE = 1e-3
+FALSE_HINT_PROBABILITY = 1e-3
 """Probability of a false hint in a whole report (Bonferroni over all tests)."""
 CLIP = 5.0
 """Largest residual in the tests, in standard uncertainties; larger ones are reduced to it."""
@@ -36,7 +36,7 @@ def dependences(fit: Fit) -> list[DependenceTest]:
     rows = ~fit.copies & ~np.isin(measurement.groups, fit.failed)
     white = np.clip(fit.white[rows], -CLIP, CLIP)
     looked_at = list(_variables(fit))
-    limit = SIGNIFICANCE / max(len(looked_at), 1)
+    limit = FALSE_HINT_PROBABILITY / max(len(looked_at), 1)
     found = [DependenceTest(variable, _p_value(white, values[rows]), hint) for variable, values, hint in looked_at]
     return sorted(
         (dependence for dependence in found if dependence.p_value < limit), key=lambda dependence: dependence.p_value

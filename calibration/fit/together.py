@@ -52,11 +52,11 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from rendering.shown import Shown
 
-STEPS, CONVERGED = 8, 1e-3
+MOST_JOINT_STEPS, LAST_JOINT_STEP_PRIORS = 8, 1e-3
 """Most steps of the fit, and the length of a step, in units of the priors, at which it ends."""
-CONTRADICTED = 1e-3
+CONTRADICTION_P = 1e-3
 """p-value below which a measurement contradicts the others."""
-SEEN = 1e-8
+INFORMED_SHARE = 1e-8
 """Share of the largest eigenvalue of an information above which it has information on a direction."""
 
 
@@ -85,7 +85,7 @@ class Part:
     @property
     def contradicts(self) -> bool:
         """True where it differs from the prediction by the others more than the uncertainties allow."""
-        return self.p_value < CONTRADICTED
+        return self.p_value < CONTRADICTION_P
 
     @property
     def objection(self) -> str:
@@ -263,11 +263,11 @@ class _Joint:
     def fitted(cls, shares: Sequence[_Share], model: ErrorModel, prior: Array) -> _Joint:
         """The joint fit: Gauss-Newton steps until the parameters move no more."""
         joint = cls(tuple(shares), model, prior)
-        for _ in range(STEPS):
+        for _ in range(MOST_JOINT_STEPS):
             step = joint.step(joint.shares)
             moved = joint.model.with_parameters(joint.model.parameters + prior * step)
             joint = cls(tuple(_Share.of(share.alone, moved, prior) for share in shares), moved, prior)
-            if np.linalg.norm(step) < CONVERGED:
+            if np.linalg.norm(step) < LAST_JOINT_STEP_PRIORS:
                 break
         return joint
 
@@ -324,7 +324,7 @@ class _Joint:
         """p-value of the difference of one measurement from the others, in directions that both show."""
         own, others = self.shares[number], [*self.shares[:number], *self.shares[number + 1 :]]
         information, slope = _sum([each.information for each in others]), _sum([each.slope for each in others])
-        half = pseudo_inverse(own.information + information, SEEN, 1.0).root
+        half = pseudo_inverse(own.information + information, INFORMED_SHARE, 1.0).root
         both = own.information @ half @ (half.T @ information)
         # at the estimate by all, without the prior, the slopes of both are equal and opposite
         along = own.slope - own.information @ half @ (half.T @ (own.slope + slope))

@@ -13,7 +13,7 @@ from kinematics.basis import Basis
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
-POSITIONS = 400
+CURVE_POSITIONS = 400
 """Number of positions at which the curves of both explanations are compared."""
 
 
@@ -46,5 +46,5 @@ def _into(model: ErrorModel, other: ErrorModel) -> Array:
 
 def _from(basis: Basis, other: Basis) -> Array:
     """Matrix from the parameters of a curve in another basis: by least squares over the interval."""
-    x = np.linspace(*basis.interval, POSITIONS)
+    x = np.linspace(*basis.interval, CURVE_POSITIONS)
     return np.asarray(np.linalg.lstsq(basis.columns(x), other.columns(x))[0])

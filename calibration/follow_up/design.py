@@ -19,8 +19,8 @@ from kinematics.effects import Effect, TrackerDrift
 from kinematics.state import State
 from kinematics.transforms import Array
 
-MOST_ROWS = 400
-POINT_S = 15.0
+MOST_DESIGN_ROWS = 400
+TIME_OF_ROW_S = 15.0
 """Time per row, s, where the data have no times; the virtual calibration paper, 3.2."""
 NEW = "next"
 """Name of a station, a target or a run that the data do not have."""
@@ -50,7 +50,7 @@ class Data:
 
     measurement: Measurement
     registration: Registration
-    most: int = MOST_ROWS
+    most: int = MOST_DESIGN_ROWS
     """Most rows that are measured again."""
 
     @cached_property
@@ -97,7 +97,7 @@ class Data:
         time = self.measurement.state.time
         steps = np.diff(time) if time is not None else np.zeros(0)
         steps = steps[steps > 0.0]
-        return float(np.median(steps)) if len(steps) else POINT_S
+        return float(np.median(steps)) if len(steps) else TIME_OF_ROW_S
 
     @property
     def own_drift(self) -> tuple[Effect, ...]:

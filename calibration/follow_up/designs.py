@@ -15,17 +15,17 @@ from calibration.registration.registration import Registration
 from kinematics.state import State
 from kinematics.transforms import Array
 
-OTHER_FEED = 0.5
-FEWER = 60
+OTHER_FEED_SHARE = 0.5
+QUICK_POSITIONS = 60
 """Positions of a quick measurement."""
-FINER = 60
+FINE_POSITIONS = 60
 """Positions along one axis."""
 OFF_LINE = 8
 """Positions off this line, for the pose of a tracker."""
 STOPS = 8
 """Positions that are approached by moves of different lengths."""
 SHORT_MM, SHORT_RAD = 5.0, np.deg2rad(1.0)
-LONG = 0.4
+LONG_MOVE_SHARE = 0.4
 """Length of a long move, as a share of the travel that the data cover."""
 
 
@@ -42,8 +42,8 @@ def follow_up_designs(measurement: Measurement, registration: Registration) -> I
         yield from with_other_tools(data)
         yield from with_references(data)
         yield with_bar(data)
-        if not data.in_motion and len(data.index) > 2 * FEWER:
-            yield from _of_fewer(replace(data, most=FEWER))
+        if not data.in_motion and len(data.index) > 2 * QUICK_POSITIONS:
+            yield from _of_fewer(replace(data, most=QUICK_POSITIONS))
 
 
 def _of_fewer(data: Data) -> Iterator[FollowUpDesign]:
@@ -99,11 +99,11 @@ def _course(clock: Array, time: Array, kelvin: Array) -> Array:
 def _at_another_feed(data: Data) -> FollowUpDesign:
     index, state = data.index, data.measurement.state
     assert state.velocity is not None
-    changes: dict[str, Any] = {"velocity": OTHER_FEED * state.velocity[index]}
+    changes: dict[str, Any] = {"velocity": OTHER_FEED_SHARE * state.velocity[index]}
     if state.acceleration is not None:
-        changes["acceleration"] = OTHER_FEED**2 * state.acceleration[index]
+        changes["acceleration"] = OTHER_FEED_SHARE**2 * state.acceleration[index]
     if state.time is not None:
-        changes["time"] = state.time.max() + data.clock(index) / OTHER_FEED
+        changes["time"] = state.time.max() + data.clock(index) / OTHER_FEED_SHARE
     slower = data.following(index, **changes)
     plan = data.plan("second feed", "run the same path once more at half the feed", slower)
     return plan._replace(again=index)
@@ -145,7 +145,7 @@ def _by_lengths(data: Data, stops: np.ndarray, axes: list[str]) -> Measurement:
     for number, axis in enumerate(axes):
         i = machine.index(axis)
         short = SHORT_RAD if machine.rotary[i] else SHORT_MM
-        far = max(LONG * float(np.ptp(data.measurement.state.positions[:, i])), 2.0 * short)
+        far = max(LONG_MOVE_SHARE * float(np.ptp(data.measurement.state.positions[:, i])), 2.0 * short)
         for k, move in enumerate((short, -short, far, -far)):
             rows = slice(4 * number + k, None, 4 * len(axes))
             last[rows, i], approach[rows, i] = move, np.sign(move)
@@ -172,14 +172,14 @@ def _finer(data: Data) -> Iterator[FollowUpDesign]:
     off, again = (off, f", and {len(off)} of the positions again") if data.set_up else (off[:0], "")
     for axis in m.moving:
         i = m.machine.index(axis)
-        line = np.tile(middle, (FINER, 1))
-        line[:, i] = np.sort(rng.uniform(m.state.positions[:, i].min(), m.state.positions[:, i].max(), FINER))
+        line = np.tile(middle, (FINE_POSITIONS, 1))
+        line[:, i] = np.sort(rng.uniform(m.state.positions[:, i].min(), m.state.positions[:, i].max(), FINE_POSITIONS))
         own = data.index if m.axis is None else data.index[m.axis[data.index] == axis]
         if len(own):
-            rows = np.concatenate([np.full(FINER, own[-1]), off])
+            rows = np.concatenate([np.full(FINE_POSITIONS, own[-1]), off])
             there = data.following(rows, positions=np.concatenate([line, m.state.positions[off]]))
             there = _only_moving(there, i, m.state.rows(own[-1:]))
-            does = f"measure {FINER} positions at irregular, finer spacing along {axis}{again}"
+            does = f"measure {FINE_POSITIONS} positions at irregular, finer spacing along {axis}{again}"
             yield data.plan(f"finer {axis}", does, there)
 
 
@@ -189,7 +189,7 @@ def _only_moving(measurement: Measurement, axis: int, start: State) -> Measureme
     The others keep the last move and approach of the state `start`.
     """
     state = measurement.state
-    own = (np.arange(state.positions.shape[1]) == axis) | (np.arange(len(state))[:, None] >= FINER)
+    own = (np.arange(state.positions.shape[1]) == axis) | (np.arange(len(state))[:, None] >= FINE_POSITIONS)
     columns = {
         name: np.where(own, column, getattr(start, name))
         for name in ("last_move", "approach")

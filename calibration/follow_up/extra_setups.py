@@ -15,7 +15,7 @@ from kinematics.transforms import Array, Pose, rotation_about, turn
 
 STATION_MIN, TOOL_MIN = 20.0, 5.0
 """Minutes to set up the instrument again, and to change the tool, a target or a bar."""
-TOOL_MM = 150.0
+TOOL_SHIFT_MM = 150.0
 """Shift of the other tool vector, mm."""
 EVERY_MIN, LEAST_READINGS = 10.0, 6
 """Minutes between measurements of the fixed references, and about the least number of these measurements."""
@@ -51,12 +51,12 @@ def with_other_tools(data: Data) -> Iterator[FollowUpDesign]:
     last = numbers[rows][-1]
     index = data.index[numbers == last]
     own, name = list(m.targets.values())[last].position, unused(list(m.targets))
-    for words, shift in (("to the side", (TOOL_MM, 0.0, 0.0)), ("below", (0.0, 0.0, -TOOL_MM))):
+    for words, shift in (("to the side", (TOOL_SHIFT_MM, 0.0, 0.0)), ("below", (0.0, 0.0, -TOOL_SHIFT_MM))):
         x, y, z = (a + b for a, b in zip(own, shift, strict=True))
         position: Vector = (x, y, z)
         there = data.following(index, TOOL_MIN, target=np.full(len(index), name))
         there = replace(there, targets={**m.targets, name: Target(position)})
-        does = f"measure {len(index)} positions with a target {TOOL_MM:g} mm farther {words}"
+        does = f"measure {len(index)} positions with a target {TOOL_SHIFT_MM:g} mm farther {words}"
         yield data.plan(f"target {words}", does, there, pause_min=TOOL_MIN)
 
 

@@ -12,7 +12,7 @@ from kinematics.transforms import Array
 
 BAR_MM, BAR_U_UM = 2000.0, 1.0
 """Length of a bar, mm, and its standard uncertainty, um."""
-NEAREST_MM = 500.0
+BAR_DISTANCE_MM = 500.0
 """Distance of the bar from the tracker, mm."""
 
 
@@ -43,8 +43,8 @@ def bar(measurement: Measurement, registration: Registration) -> tuple[dict[str,
     beam = beam / np.linalg.norm(beam) if np.linalg.norm(beam) > 1.0 else np.array([1.0, 0.0, 0.0])
     aside = np.array([-beam[1], beam[0], 0.0])
     ends = {
-        "bar in line 1": tracker + NEAREST_MM * beam,
-        "bar in line 2": tracker + (NEAREST_MM + BAR_MM) * beam,
+        "bar in line 1": tracker + BAR_DISTANCE_MM * beam,
+        "bar in line 2": tracker + (BAR_DISTANCE_MM + BAR_MM) * beam,
         "bar about 1": tracker - BAR_MM / 2 * aside,
         "bar about 2": tracker + BAR_MM / 2 * aside,
     }

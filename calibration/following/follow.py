@@ -21,7 +21,7 @@ from kinematics.user_error import UserError
 if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
 
-FEWEST = 3
+FEWEST_READINGS = 3
 """Fewest readings: from two, a drift cannot be told from the scatter of the probing."""
 
 
@@ -38,7 +38,7 @@ def follow(measurement: Measurement, *, jumps: bool = False, progress: Progress 
     while True:
         progress(f"following {len(touches.effects)} parameters by {len(kept)} readings")
         structure = _with_sensors(_alone(touches.rows(kept)))
-        if jumps or len(kept) <= FEWEST:
+        if jumps or len(kept) <= FEWEST_READINGS:
             break
         _refuse_jump(measurement, structure, kept)
         odds = structure.of_outliers()
@@ -110,9 +110,9 @@ def _check(measurement: Measurement) -> None:
         raise UserError(
             f"{source}:{_line(measurement, row)}: the time is before that of the last row: sort the rows by time"
         )
-    if len(measurement) < FEWEST:
+    if len(measurement) < FEWEST_READINGS:
         raise UserError(
-            f"{source}: {len(measurement)} readings: a drift needs {FEWEST} or more: touch the sphere again"
+            f"{source}: {len(measurement)} readings: a drift needs {FEWEST_READINGS} or more: touch the sphere again"
         )
     if not np.diagonal(measurement.instrument.row_covariances(measurement), axis1=1, axis2=2).min() > 0.0:
         raise UserError(

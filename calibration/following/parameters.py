@@ -23,7 +23,7 @@ from kinematics.transforms import Array
 if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
 
-SAME_DEG = 2
+PLACE_DECIMALS = 2
 """Decimals of a rotary position, degrees, that belong to one place."""
 
 
@@ -73,7 +73,7 @@ def touches_of(measurement: Measurement) -> Touches:
 
 def _places(measurement: Measurement) -> np.ndarray:
     rotary = measurement.machine.rotary
-    angles = np.round(np.degrees(measurement.state.positions[:, rotary]), SAME_DEG) % 360.0
+    angles = np.round(np.degrees(measurement.state.positions[:, rotary]), PLACE_DECIMALS) % 360.0
     runs = [""] * len(measurement) if measurement.run is None else measurement.run.tolist()
     each = zip(runs, measurement.groups.tolist(), angles.tolist(), strict=True)
     keys = [(run, name, *own) for run, name, own in each]

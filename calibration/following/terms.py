@@ -17,10 +17,10 @@ from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from kinematics.effects.base import UM
 from kinematics.effects.combined.when import lagged
-from kinematics.error_model.priors import OUTLIER_SIZES, SIZES
+from kinematics.error_model.priors import OUTLIER_SIZES, SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
-FREE = 1e4
+UNKNOWN_ZERO_UM = 1e4
 """Prior size of the zero of a place, um: nothing is known of it."""
 DAY = 86400.0
 """Heat of a machine lags by hours, not by days, s."""
@@ -75,7 +75,7 @@ class Structure:
     def prior(self) -> Array:
         """Prior sizes of the coefficients of all columns behind the first."""
         places, typical = 3 * (int(self.touches.places.max()) + 1), self.touches.typical
-        return np.array([*[FREE] * places, *(term.size * typical[term.parameter] for term in self.terms)])
+        return np.array([*[UNKNOWN_ZERO_UM] * places, *(term.size * typical[term.parameter] for term in self.terms)])
 
     def walked(self, columns: Array, sizes: Sizes | None = None) -> Walked:
         """Columns, made white, up to the last reading."""
@@ -127,7 +127,7 @@ class Structure:
     def of_candidates(self, parameter: int, candidates: Sequence[Follows]) -> Array:
         """Log evidence by terms of a parameter, for all sizes of its walk: a sensor may take the place of a walk."""
         groups = [self.column(each) * self.touches.typical[parameter] for each in candidates]
-        return self.gains(np.stack(groups, axis=2)[:, :, :, None], SIZES, self._walks_of(parameter))
+        return self.gains(np.stack(groups, axis=2)[:, :, :, None], SIZES_IN_TYPICAL, self._walks_of(parameter))
 
     def _walks_of(self, parameter: int) -> Sizes:
         """The sizes with all sizes of the walk of one parameter."""
@@ -140,7 +140,7 @@ class Structure:
     def _grid(self) -> Array:
         """Variances of walk and scatter that are tried: none, and sizes about what axes repeat to."""
         unit = self.touches.measurement.machine.priors.non_repeatability_um
-        return np.append(0.0, (unit * SIZES) ** 2)
+        return np.append(0.0, (unit * SIZES_IN_TYPICAL) ** 2)
 
     def of_outliers(self) -> Array:
         """Log odds `(n,)` that a reading has a shift of its own."""
@@ -157,7 +157,7 @@ class Structure:
         jumps = self.touches.jacobian * np.array([each.quantities()[0].typical for each in self.touches.effects])
         behind = np.arange(n)[:, None] > np.arange(n - 2)
         groups = behind[:, None, :, None] * jumps[:, :, None, :]
-        return self.gains(groups, SIZES, self._quieter) + float(np.log(priors.rare / (n - 2)))
+        return self.gains(groups, SIZES_IN_TYPICAL, self._quieter) + float(np.log(priors.rare / (n - 2)))
 
     def of_masked_jumps(self, parameter: int) -> Array:
         """Log odds `(n - 2,)` that a parameter jumps between a reading and the next, and follows a sensor.
@@ -177,7 +177,7 @@ class Structure:
             np.concatenate([jumps, follows], axis=2), self._walks_of(parameter)
         ):
             products = (others.T @ rest)[pairs[:, :, None], pairs[:, None]]
-            each = log_gains(products, along[pairs], SIZES, 1.0).reshape(n - 2, -1)
+            each = log_gains(products, along[pairs], SIZES_IN_TYPICAL, 1.0).reshape(n - 2, -1)
             gained.append(logsumexp(each, axis=1))
             evidences.append(evidence)
         prior = priors.rare / (n - 2) / len(self.touches.effects) / (len(self.sensors) * (1 + len(self.lags)))
@@ -215,7 +215,7 @@ class Structure:
 
     def with_likeliest(self, term: Follows) -> Structure:
         """The structure with another term, in its likeliest size."""
-        forms = [replace(self, terms=(*self.terms, term._replace(size=size))) for size in SIZES.tolist()]
+        forms = [replace(self, terms=(*self.terms, term._replace(size=size))) for size in SIZES_IN_TYPICAL.tolist()]
         for form in forms:
             form.__dict__["white"] = forms[0].white
         return max(forms, key=lambda each: each.log_evidence)

@@ -17,7 +17,7 @@ from calibration.following.parameters import Touches
 from kinematics.effects.base import HOUR
 from kinematics.transforms import Array
 
-SMALLEST = 1e-9
+LEAST_READING_VARIANCE_UM2 = 1e-9
 """Variance, um2, added to that of a reading, so that exact readings have a finite one."""
 
 
@@ -55,7 +55,7 @@ def walked(touches: Touches, columns: Array, sizes: Sizes, since: float, until: 
     assert time is not None
     state, covariance = np.zeros((cases, p, columns.shape[2])), np.zeros((cases, p, p))
     white, log_volume = np.empty((cases, n, 3, columns.shape[2])), np.zeros(cases)
-    variance = (sizes.scatter[:, None, None] + SMALLEST) * np.eye(3)
+    variance = (sizes.scatter[:, None, None] + LEAST_READING_VARIANCE_UM2) * np.eye(3)
     now, referred = float(time[0]), since <= time[0]
     walk = sizes.walk / HOUR
     for k in (*range(n), None):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinematics.error_model.priors import SIZES
+from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
 
@@ -40,4 +40,4 @@ def expected_gain(block: Array, signal: Array) -> float:
     """
     values, vectors = np.linalg.eigh(block)
     values = np.maximum(values, 0.0)
-    return float(log_gains_by_squares(values, (signal @ vectors) ** 2 + values, SIZES, 1.0))
+    return float(log_gains_by_squares(values, (signal @ vectors) ** 2 + values, SIZES_IN_TYPICAL, 1.0))

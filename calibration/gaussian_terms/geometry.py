@@ -25,10 +25,10 @@ from kinematics.error_model.priors import BANDS, Priors
 from kinematics.transforms import Array
 from kinematics.turn import gap_of
 
-DEGREE, HARMONICS = 20, 8
+ERROR_DEGREE, TURN_HARMONICS = 20, 8
 """Largest degree of an error motion over an interval, and its harmonics over a whole turn."""
 
-SETTLED = 0.05
+SETTLED_SIZE = 0.05
 """Largest relative change of a size in a step after which the sizes are found."""
 KNOWN = 1e-12
 """Share of the largest variance of a calibration, in squares of its uncertainties, below which one is rounding."""
@@ -36,7 +36,7 @@ Key = tuple[str, str, int]
 """Band: axis, kind of error motion, and number; numbers below 0 are of sizes that are not fitted."""
 WAVY = 2
 """Number of the coarsest band that may contain a periodic error."""
-FIRST = -1
+FIRST_BAND = -1
 """Number of the band of an error before the first move of an axis."""
 CALIBRATED: Key = ("", "", -2)
 """Band of the parameters of a given calibration: their covariance is their size."""
@@ -69,7 +69,7 @@ class Bands:
             np.array(coarser, int),
             np.array([_fall(key[2]) ** priors.smoothness for key in known]),
             np.array([key[2] < 0 for key in known], bool),
-            np.array([priors.first_side if key[2] == FIRST else 1.0 for key in known]),
+            np.array([priors.first_side if key[2] == FIRST_BAND else 1.0 for key in known]),
             np.array([key[2] >= WAVY for key in known], bool),
         )
 
@@ -108,7 +108,7 @@ class Bands:
             expected = np.maximum(self.expected_squares(sizes), priors.least_share**2)
             new = stepped(determined, squares, expected, np.full(counted, priors.band_weight))
             sizes = np.where(self.fixed, before, new)
-            if np.abs(np.log(sizes / before)).max(initial=0.0) < SETTLED:
+            if np.abs(np.log(sizes / before)).max(initial=0.0) < SETTLED_SIZE:
                 break
         return np.asarray(sizes)
 
@@ -208,7 +208,7 @@ def _parts(observations: Observations) -> Iterator[_Part]:
         if effect.axes[0] not in calibrated:
             yield _Part(effect, prior_sizes(degrees, observations.priors), keys_of(effect, degrees))
     for side in _first_sides(measurement):
-        yield _Part(side, observations.priors.typical * np.array(side.typical), [(side.name, "", FIRST)])
+        yield _Part(side, observations.priors.typical * np.array(side.typical), [(side.name, "", FIRST_BAND)])
 
 
 def keys_of(effect: ErrorMotion, degrees: np.ndarray) -> list[Key]:
@@ -246,7 +246,7 @@ def motions(measurement: Measurement) -> list[tuple[ErrorMotion, np.ndarray]]:
     for axis, arc in measurement.moving.items():
         own = measurement.machine.axes[measurement.machine.index(axis)]
         closed = own.turns_fully and not gap_of(arc)
-        choice = BasisChoice("fourier", HARMONICS) if closed else BasisChoice("legendre", DEGREE)
+        choice = BasisChoice("fourier", TURN_HARMONICS) if closed else BasisChoice("legendre", ERROR_DEGREE)
         for effect in axis_motions(measurement, axis, choice):
             found.append((cast(ErrorMotion, effect), degrees_of(len(effect.parameters), closed=closed)))
     return found

@@ -14,17 +14,17 @@ from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from kinematics.error_model.model import ErrorModel, no_errors
 
-PASSES = 5
+MOST_LINEARISATIONS = 5
 """Most times that the observations are linearised again."""
-SETTLED = 0.05
+SETTLED_OBSERVATIONS = 0.05
 """RMS change of the observations in such a pass, in standard deviations of the noise, below which they stay."""
 
 
 def linearised(structure: Structure) -> Structure:
     """The structure of the geometry alone, fitted to observations that are linearised about its own errors."""
-    for _ in range(PASSES):
+    for _ in range(MOST_LINEARISATIONS):
         observations = structure.data.observations.about(mean_errors(structure))
-        if change_of(structure, observations) < SETTLED:
+        if change_of(structure, observations) < SETTLED_OBSERVATIONS:
             break
         structure = replace(structure, data=Data.of(observations)).fitted()
     return structure

@@ -17,15 +17,15 @@ from calibration.gaussian_terms.observations import Observations
 from kinematics.effects.base import unit_of
 from kinematics.transforms import Array
 
-STEPS, HALVINGS = 6, 12
+FISHER_STEPS, FISHER_HALVINGS = 6, 12
 """Fisher steps of the variances, and halvings of a step that does not raise the likelihood."""
-RISE = 0.1
+LAST_LIKELIHOOD_RISE = 0.1
 """Rise of the log likelihood below which the steps end."""
 LEAST_FACTOR = 0.1
 """Smallest factor on the variance factor in one step."""
-DAMPING = 1e-9
+INFORMATION_DAMPING = 1e-9
 """Share by which the information of each variance is raised: exact data may not tell two of them apart (Levenberg)."""
-NEGLIGIBLE = 0.1
+NEGLIGIBLE_REPEATABILITY_UM = 0.1
 """Standard deviation from stop to stop, um or urad, below which an axis counts as repeating."""
 
 
@@ -110,10 +110,10 @@ def variances(
     start = np.array([noise.factor, *(noise.repeats.get(axis, 0.0) ** 2 for axis in axes)])
     theta = likeliest_variances(moments, start, median)
     sizes = zip(axes, np.sqrt(theta[1:]).tolist(), strict=True)
-    return float(theta[0]), {axis: size for axis, size in sizes if size > NEGLIGIBLE}
+    return float(theta[0]), {axis: size for axis, size in sizes if size > NEGLIGIBLE_REPEATABILITY_UM}
 
 
-def likeliest_variances(moments: Sequence[Moments], theta: Array, median: float, steps: int = STEPS) -> Array:
+def likeliest_variances(moments: Sequence[Moments], theta: Array, median: float, steps: int = FISHER_STEPS) -> Array:
     """Variances `(k,)` of the parts with the greatest likelihood, from some on; the first one stays above 0.
 
     median: of the prior of the standard deviations but for the first one.
@@ -121,7 +121,7 @@ def likeliest_variances(moments: Sequence[Moments], theta: Array, median: float,
     now = _likelihood(moments, theta, median)
     for _ in range(steps):
         step, least = _fisher_step(theta, now), LEAST_FACTOR * theta[0]
-        for _ in range(HALVINGS):
+        for _ in range(FISHER_HALVINGS):
             new = np.maximum(theta + step, 0.0)
             new[0] = max(new[0], least)
             found = _likelihood(moments, new, median)
@@ -131,7 +131,7 @@ def likeliest_variances(moments: Sequence[Moments], theta: Array, median: float,
         else:
             break
         rise, theta, now = found.value - now.value, new, found
-        if rise < RISE:
+        if rise < LAST_LIKELIHOOD_RISE:
             break
     return theta
 
@@ -148,7 +148,7 @@ def _fisher_step(theta: Array, now: _Likelihood) -> Array:
     while True:
         step = np.zeros(len(theta))
         information = now.information[np.ix_(free, free)]
-        information[np.diag_indices_from(information)] *= 1.0 + DAMPING
+        information[np.diag_indices_from(information)] *= 1.0 + INFORMATION_DAMPING
         step[free] = np.linalg.solve(information, now.gradient[free])
         below = free & (theta <= 0.0) & (step < 0.0)
         if not below.any():

@@ -28,7 +28,7 @@ MOST_OF_STOP = 20
 """Most rows of a stop with one target; more of them are combined to so many means."""
 ROUNDED = 1e-9
 """Rounding of a share of a stop."""
-STEPS, LAST_STEP = 4, 1e-7
+REGISTRATION_STEPS, LAST_STEP = 4, 1e-7
 """Most steps of a registration beside errors that are given, and the last one, mm and rad."""
 
 
@@ -155,7 +155,7 @@ def registered(measurement: Measurement, model: ErrorModel) -> Registration:
         return registration
     instrument = measurement.instrument
     white = np.linalg.inv(np.linalg.cholesky(measurement.specified_covariances[trusted]))
-    for _ in range(STEPS):
+    for _ in range(REGISTRATION_STEPS):
         rows = white @ instrument.registration_design(measurement, registration)[trusted]
         own = white @ residuals(measurement, model, registration)[trusted][:, :, None]
         matrix = [rows.reshape(-1, rows.shape[2]), instrument.stated_design(measurement, registration)]

@@ -14,23 +14,23 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import blas
 
-from calibration.gaussian_terms.geometry import SETTLED, Geometry, geometry, stepped, summed
+from calibration.gaussian_terms.geometry import SETTLED_SIZE, Geometry, geometry, stepped, summed
 from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, variances
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.outliers import outlying
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.gaussian_terms.term import Term
 from calibration.gaussian_terms.whitened import Whitener
-from kinematics.error_model.priors import SIZES, Priors
+from kinematics.error_model.priors import SIZES_IN_TYPICAL, Priors
 from kinematics.transforms import Array
 
-STEPS, FURTHER_STEPS = 12, 4
+SIZE_STEPS, FURTHER_STEPS = 12, 4
 """Most steps of the sizes: after a change of the terms, and of the noise."""
-ROUNDS = 8
+MOST_STRUCTURE_ROUNDS = 8
 """Most rounds of sizes, noise and outliers."""
 SAME_FACTOR, SAME_REPEATS = 0.03, 0.1
 """Relative changes of the variance factor, and of the non-repeatability, below which the noise is found."""
-SMALLEST = 0.5
+LEAST_REPEATABILITY_UM = 0.5
 """Non-repeatability, um or urad, whose relative change counts in full."""
 
 
@@ -194,13 +194,13 @@ class Structure:
     def _log_widths(self) -> float:
         """Log of the share of the prior of each term's size that the data leave (Laplace), all terms together.
 
-        The logarithm of a size is as likely anywhere over the range of `SIZES`; m determined coefficients leave it a
+        The logarithm of a size is as likely anywhere over the range of `SIZES_IN_TYPICAL`; m determined coefficients leave it a
         variance of 1 / (2 m).
         """
         if not self.terms:
             return 0.0
         determined = np.bincount(self.groups, self.posterior.determined)[len(self.band_sizes) :]
-        width = np.sqrt(np.pi / np.maximum(determined, 0.5)) / np.log(SIZES[-1] / SIZES[0])
+        width = np.sqrt(np.pi / np.maximum(determined, 0.5)) / np.log(SIZES_IN_TYPICAL[-1] / SIZES_IN_TYPICAL[0])
         return float(np.log(np.minimum(width, 1.0)).sum())
 
     @property
@@ -218,14 +218,14 @@ class Structure:
     def fitted(self) -> Structure:
         """The structure with the likeliest sizes, noise and outliers."""
         found = self.with_sizes()
-        for _ in range(ROUNDS):
+        for _ in range(MOST_STRUCTURE_ROUNDS):
             before = found.noise
             found = found.with_noise().with_sizes(FURTHER_STEPS)
             if _settled(before, found.noise):
                 break
         return found
 
-    def with_sizes(self, steps: int = STEPS) -> Structure:
+    def with_sizes(self, steps: int = SIZE_STEPS) -> Structure:
         """The structure with likelier sizes, after at most so many steps."""
         found, groups, counted = self, self.groups, len(self.band_sizes) + len(self.terms)
         weight = np.repeat([self.priors.band_weight, self.priors.term_weight], [len(self.band_sizes), len(self.terms)])
@@ -236,7 +236,7 @@ class Structure:
             squares = summed(groups, posterior.mean**2, counted)
             new = np.where(fixed, before, stepped(determined, squares, found._expected_squares, weight))
             found = found.resized(new)
-            if np.abs(np.log(new / before)).max(initial=0.0) < SETTLED:
+            if np.abs(np.log(new / before)).max(initial=0.0) < SETTLED_SIZE:
                 break
         return found
 
@@ -319,7 +319,8 @@ class Structure:
 def _settled(before: Noise, after: Noise) -> bool:
     """True where two noises are the same, for all that follows."""
     changes = [
-        abs(after.repeats.get(axis, 0.0) - before.repeats.get(axis, 0.0)) / max(after.repeats.get(axis, 0.0), SMALLEST)
+        abs(after.repeats.get(axis, 0.0) - before.repeats.get(axis, 0.0))
+        / max(after.repeats.get(axis, 0.0), LEAST_REPEATABILITY_UM)
         for axis in {*before.repeats, *after.repeats}
     ]
     same_rows = np.array_equal(before.left_out, after.left_out)

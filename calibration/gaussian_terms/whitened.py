@@ -17,7 +17,7 @@ from kinematics.transforms import Array
 
 RANK = 1e-9
 """Singular value of the registration, as a share of the largest one, below which a combination is not observed."""
-TOGETHER = 1000
+SCALARS_OF_A_BLOCK = 1000
 """Scalars that are whitened together."""
 
 
@@ -104,7 +104,7 @@ class Whitener:
         """The stops of each number of rows, in pieces that stay in the cache of the processor."""
         d, found = self.observations.components, []
         for stops, matrices in zip(self.stops, self.matrices, strict=True):
-            step = max(TOGETHER // matrices.shape[1], 1)
+            step = max(SCALARS_OF_A_BLOCK // matrices.shape[1], 1)
             kept = np.repeat(~self.left_out[stops.rows], d, axis=1)[:, None, :]
             parts = (slice(first, first + step) for first in range(0, len(matrices), step))
             found.append([Piece.of(stops.rows[some].ravel(), d, matrices[some] * kept[some]) for some in parts])
@@ -141,8 +141,8 @@ class Whitener:
         """Whitened columns `(n d + k, c)` of terms `(n, d, c)`, free of the registration."""
         found = self.with_stated(table)
         through = self.spanned.T @ found
-        for first in range(0, len(found), TOGETHER):
-            some = slice(first, first + TOGETHER)
+        for first in range(0, len(found), SCALARS_OF_A_BLOCK):
+            some = slice(first, first + SCALARS_OF_A_BLOCK)
             found[some] -= self.spanned[some] @ through
         return found
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from kinematics.transforms import Pose
 
 
-ALIGNMENT_RAD = 5e-4
+LINE_SLOPE_RAD = 5e-4
 """Half-width of the random slope of a line of straightness against the axis, of virtual instruments."""
 
 
@@ -84,7 +84,7 @@ class AlongAxes(InstrumentBase, frozen=True):
     ) -> Registration:
         """Zeros, and random slopes of the lines of straightness."""
         groups, across = np.unique(blank.groups).tolist(), np.unique(blank.groups[blank.straightness]).tolist()
-        slopes = dict(zip(across, rng.uniform(-ALIGNMENT_RAD, ALIGNMENT_RAD, len(across)).tolist(), strict=True))
+        slopes = dict(zip(across, rng.uniform(-LINE_SLOPE_RAD, LINE_SLOPE_RAD, len(across)).tolist(), strict=True))
         return Registration(zeros=dict.fromkeys(groups, 0.0), slopes=slopes)
 
     def zeroed(self, blank: Measurement, exact: Array) -> Array:

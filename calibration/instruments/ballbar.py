@@ -35,13 +35,13 @@ LENGTH_ERROR = "length"
 """Name of the error of the bar's length among the zeros of a registration."""
 ONE_SET_UP = "1"
 """Name of the set-up: a file has one position of the table ball."""
-SHORTEST, LONGEST = 10.0, 5000.0
+SHORTEST_BAR_MM, LONGEST_BAR_MM = 10.0, 5000.0
 """Lengths of a bar that are accepted, mm."""
 LENGTH_ABOUT = 1.0
 """Standard uncertainty of a length that is not calibrated, mm: it is only about right."""
 CENTRE_U = 10.0
 """Standard uncertainty of the stated position of a table ball, mm."""
-NEAR_MM, CLOSE_MM, ROUNDS = 0.01, 1e-6, 10
+FIRST_READING_U_MM, LAST_REGISTRATION_STEP_MM, MOST_REGISTRATION_STEPS = 0.01, 1e-6, 10
 """Weight of the readings in a first registration as an uncertainty, and its last step, mm; most steps."""
 SAME_WAY = 1e-6
 """Change between rows, mm or rad, below which an axis rests."""
@@ -106,14 +106,14 @@ class Ballbar(OfDistances, frozen=True, tag="ballbar"):
         names = np.unique(measurement.groups).tolist()
         poses = {name: centred_pose(measurement.spheres[name]) for name in names}
         found = Registration(poses, dict.fromkeys(names, np.zeros(3)), SHIFTS, {LENGTH_ERROR: 0.0})
-        for _ in range(ROUNDS):
+        for _ in range(MOST_REGISTRATION_STEPS):
             residual = (measurement.observed - self.expected(measurement, found, nominal))[trusted, 0]
-            rows = self.registration_design(measurement, found)[trusted, 0] / NEAR_MM
+            rows = self.registration_design(measurement, found)[trusted, 0] / FIRST_READING_U_MM
             matrix = np.concatenate([rows, self.stated_design(measurement, found)])
-            right = np.concatenate([residual / NEAR_MM, self.stated_residuals(measurement, found)])
+            right = np.concatenate([residual / FIRST_READING_U_MM, self.stated_residuals(measurement, found)])
             step = np.linalg.lstsq(matrix, right)[0]
             found = found.moved(step)
-            if np.abs(step).max() < CLOSE_MM:
+            if np.abs(step).max() < LAST_REGISTRATION_STEP_MM:
                 break
         return found
 
@@ -159,8 +159,10 @@ def read_length(table: Table) -> dict[str, float | None]:
     if LENGTH not in table.entries:
         _missing(table, LENGTH, "150", "the length of the bar between the centres of its balls, mm")
     (length,) = table.header_numbers(LENGTH, 1)
-    if not SHORTEST <= length <= LONGEST:
-        table.header_fault(LENGTH, f"{length:g} mm is no length of a ballbar ({SHORTEST:g} to {LONGEST:g} mm)")
+    if not SHORTEST_BAR_MM <= length <= LONGEST_BAR_MM:
+        table.header_fault(
+            LENGTH, f"{length:g} mm is no length of a ballbar ({SHORTEST_BAR_MM:g} to {LONGEST_BAR_MM:g} mm)"
+        )
     if LENGTH_U not in table.entries:
         return {LENGTH: length, LENGTH_U: None}
     (u,) = table.header_numbers(LENGTH_U, 1)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from calibration.registration.registration import Registration
     from kinematics.transforms import Pose
 
-UM, PER_M = 1e-3, 1e-6
+MM_PER_UM, PER_M = 1e-3, 1e-6
 """Factors from um to mm, and from um/m to mm/mm."""
 
 
@@ -60,8 +60,8 @@ class LaserTracker(OfPoints, frozen=True, tag="laser-tracker"):
         """
         length = np.linalg.norm(points, axis=1)
         beam = points / np.maximum(length, np.finfo(float).tiny)[:, None]
-        along = (self.u_range_um * UM + self.u_range_um_per_m * PER_M * length) ** 2
-        across = (self.u_angle_um * UM + self.u_angle_um_per_m * PER_M * length) ** 2
+        along = (self.u_range_um * MM_PER_UM + self.u_range_um_per_m * PER_M * length) ** 2
+        across = (self.u_angle_um * MM_PER_UM + self.u_angle_um_per_m * PER_M * length) ** 2
         outer = beam[:, :, None] * beam[:, None, :]
         return np.asarray(across[:, None, None] * np.eye(3) + (along - across)[:, None, None] * outer)
 

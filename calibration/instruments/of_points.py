@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from kinematics.error_model.model import Observation
     from kinematics.machine import Vector
 
-IN_LINE = 1.0
+LINE_RMS_MM = 1.0
 """RMS distance of points from a line, mm, below which they do not determine the instrument's rotation about it."""
 
 
@@ -51,7 +51,7 @@ class OfPoints(InstrumentBase, frozen=True):
             mine = groups == name
             # with too few trusted rows, all rows of the station count
             choices = [rows for rows in (mine & trusted & known, mine & trusted) if rows.sum() >= (2 if planar else 3)]
-            rows = next((rows for rows in choices if planar or width(points[rows]) > IN_LINE), [*choices, mine][0])
+            rows = next((rows for rows in choices if planar or width(points[rows]) > LINE_RMS_MM), [*choices, mine][0])
             poses[name] = rigid(points[rows], observed[rows], planar=planar)
             centres[name] = observed[rows].mean(axis=0)
         registration = Registration(poses, centres, PLANAR if planar else RIGID)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from calibration.measurement.text_table import Table
     from calibration.registration.registration import Registration
 
-ALIGNMENT_MM, ALIGNMENT_RAD = 0.1, 5e-4
+PART_SHIFT_MM, PART_ROTATION_RAD = 0.1, 5e-4
 """Half-widths of the shift and the rotation of a virtual part against its nominal frame on the measuring machine."""
 
 
@@ -91,5 +91,5 @@ class Part(OfPoints, frozen=True, tag="part"):
 def _alignment(planar: bool, rng: np.random.Generator) -> Pose:
     """Random pose of a part on a measuring machine, near the nominal one."""
     free = np.array([1.0, 1.0, 0.0] if planar else [1.0, 1.0, 1.0])
-    turns = rng.uniform(-ALIGNMENT_RAD, ALIGNMENT_RAD, 3) * (free if not planar else [0.0, 0.0, 1.0])
-    return Pose(rotation_vector_matrix(turns), (rng.uniform(-ALIGNMENT_MM, ALIGNMENT_MM, 3) * free)[None])
+    turns = rng.uniform(-PART_ROTATION_RAD, PART_ROTATION_RAD, 3) * (free if not planar else [0.0, 0.0, 1.0])
+    return Pose(rotation_vector_matrix(turns), (rng.uniform(-PART_SHIFT_MM, PART_SHIFT_MM, 3) * free)[None])

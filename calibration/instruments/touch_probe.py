@@ -38,7 +38,7 @@ figure; their text was not at hand.
 TIP, SPHERE, DISTANCE, SHOWS = "probe", "sphere", "distance", "shows"
 """Header keys: of the tip, and the first parts of those of spheres, of distances, and of the directions that a ring or
 a surface shows. The tip is the target `probe`."""
-UNSEEN_UM = 1e6
+UNSEEN_COORDINATE_UM = 1e6
 """Standard uncertainty, um, of a coordinate that a feature does not show: a metre."""
 SPINDLE = "spindle_deg"
 """Header key of the angle by which the spindle was turned: another file, with the tip on the other side."""
@@ -147,7 +147,7 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
     def row_covariances(self, measurement: Measurement) -> Array:
         """The same in each coordinate that the feature shows."""
         shown = [[axis in self.shows.get(name, "XYZ") for axis in "XYZ"] for name in measurement.groups.tolist()]
-        return np.asarray(np.where(shown, self.u_um, UNSEEN_UM)[:, :, None] ** 2 * 1e-6 * np.eye(3))
+        return np.asarray(np.where(shown, self.u_um, UNSEEN_COORDINATE_UM)[:, :, None] ** 2 * 1e-6 * np.eye(3))
 
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """The tip, the spheres, and the distances."""

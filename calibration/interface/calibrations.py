@@ -51,7 +51,7 @@ def fit(
     too many rows disagree, and where the fit does not predict held-out lines better than the nominal machine does.
     """
     from calibration.fit.calibrate import calibrate
-    from calibration.on_the_fly.along_path import MARGIN, OnTheFly
+    from calibration.on_the_fly.along_path import REFINED_STEPS, OnTheFly
     from calibration.on_the_fly.reversals import reversals
     from calibration.simulation.effect_text import given_effects
 
@@ -60,7 +60,7 @@ def fit(
     return calibrate(
         data,
         basis=basis,
-        margin=MARGIN if moving else 0,
+        margin=REFINED_STEPS if moving else 0,
         effects=[*given_effects(effects, data.machine), *reversals(data, reversal)],
         variance=noise,
         prior_scale=prior_scale,

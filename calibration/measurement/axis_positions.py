@@ -11,7 +11,7 @@ from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
 from kinematics.transforms import Array
 
-SAME_POSITION = 1e-6
+SAME_COLUMN_POSITION = 1e-6
 """Difference, mm or rad, up to which two columns for one axis agree."""
 NOMINAL_AGREES = 1e-3
 """Difference, mm, up to which axis positions and nominal features, both rounded, agree."""
@@ -37,7 +37,7 @@ def of_targets(table: Table, machine: Machine, notes: list[str]) -> Array:
     target = by_kind(table, machine, "target_mm", "target_deg") * machine.scale[columns]
     for name in [name for name in measured if name in table.names]:
         i = machine.index(name)
-        differ = np.flatnonzero((columns == i) & (np.abs(positions[:, i] - target) > SAME_POSITION))
+        differ = np.flatnonzero((columns == i) & (np.abs(positions[:, i] - target) > SAME_COLUMN_POSITION))
         if len(differ):
             table.fault(int(differ[0]), name, "differs from the target of this axis")
     positions[rows, columns] = target

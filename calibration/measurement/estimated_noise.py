@@ -16,15 +16,15 @@ import numpy as np
 
 from kinematics.transforms import Array
 
-NEGLIGIBLE = 0.1
+NEGLIGIBLE_NOISE_FACTOR = 0.1
 """Factor on the specified noise below which its value is not shown."""
 UNLESS = (
     ", unless the model lacks errors of this size that recur with the position: too few positions were measured again "
     "to decide that"
 )
-CERTAIN = 1e-6
+ZERO_UNCERTAINTY_SHARE = 1e-6
 """Share of the largest standard uncertainty of a row below which another counts as zero."""
-LEAST = 1e-6
+LEAST_SHARE_OF_ROW = 1e-6
 """Least share of a row's variance that is its own, and not its stop's."""
 
 
@@ -67,7 +67,11 @@ class EstimatedNoise:
         parts = []
         scatter = self.scatter
         if scatter != 1.0:
-            times = f"{scatter**0.5:.2g}" if scatter**0.5 > NEGLIGIBLE else f"less than {NEGLIGIBLE:g}"
+            times = (
+                f"{scatter**0.5:.2g}"
+                if scatter**0.5 > NEGLIGIBLE_NOISE_FACTOR
+                else f"less than {NEGLIGIBLE_NOISE_FACTOR:g}"
+            )
             if scatter < 1.0 or self.revisited:
                 parts.append(f"The instrument scatters {times} times as much as specified.")
             else:
@@ -144,7 +148,7 @@ class Decorrelation:
             own = arms[rows].reshape(len(rows), m * d, k)
             same_row = np.kron(np.eye(m), np.ones((d, d))) > 0.0
             values, vectors = np.linalg.eigh(np.where(same_row, np.eye(m * d), own @ np.swapaxes(own, 1, 2)))
-            roots = vectors / np.sqrt(np.maximum(values, LEAST))[:, None, :]
+            roots = vectors / np.sqrt(np.maximum(values, LEAST_SHARE_OF_ROW))[:, None, :]
             found.append(_Stops(rows, roots @ np.swapaxes(vectors, 1, 2)))
         return cls(tuple(found))
 
@@ -177,6 +181,6 @@ def inverse_roots(covariances: Array) -> Array | None:
     except np.linalg.LinAlgError:
         return None
     sizes = np.diagonal(root, axis1=1, axis2=2)
-    if (sizes.min(axis=1) < CERTAIN * sizes.max(axis=1)).any():
+    if (sizes.min(axis=1) < ZERO_UNCERTAINTY_SHARE * sizes.max(axis=1)).any():
         return None
     return np.asarray(np.linalg.inv(root))

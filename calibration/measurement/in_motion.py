@@ -9,7 +9,7 @@ import numpy as np
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 
-STANDSTILL = 1e-9
+STANDSTILL_DISPLACEMENT = 1e-9
 """Displacement between two rows, mm or rad, below which an axis is at standstill."""
 
 
@@ -25,7 +25,7 @@ def velocities(
     """
     moving = feed > 0.0
     steps = np.diff(positions, axis=0, append=positions[-1:])
-    steps[np.abs(steps) < STANDSTILL] = 0.0
+    steps[np.abs(steps) < STANDSTILL_DISPLACEMENT] = 0.0
     steps[np.append(run_starts[1:], True)] = 0.0
     before = np.roll(steps, 1, axis=0)
     continues = moving & np.append(moving[1:], False) & steps.any(axis=1)

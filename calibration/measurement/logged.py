@@ -12,11 +12,11 @@ from calibration.measurement.measuring_date import MEASURED
 from calibration.measurement.text_table import Entry, Table
 from kinematics.files.column_map import SECONDS, TEMPERATURE, TIME
 from kinematics.files.temperature_log import TemperatureLog
-from kinematics.files.time_stamps import HOUR, ZONE, moment, read_times, seconds_between
+from kinematics.files.time_stamps import SUMMER_TIME_STEP_S, ZONE, moment, read_times, seconds_between
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-FARTHEST = 14
+LARGEST_ZONE_DIFFERENCE_H = 14
 """Largest difference of two time zones from UTC that a clock may be wrong by, h."""
 
 
@@ -117,9 +117,16 @@ def _check_overlap(table: Table, log: TemperatureLog, time: Array) -> None:
     if not outside.any():
         return
     row = int(np.argmax(outside))
-    hours = sorted(range(-FARTHEST, FARTHEST + 1), key=abs)
+    hours = sorted(range(-LARGEST_ZONE_DIFFERENCE_H, LARGEST_ZONE_DIFFERENCE_H + 1), key=abs)
     span = seconds[0] - usual, seconds[-1] + usual
-    hour = next((h for h in hours if time.min() + h * HOUR >= span[0] and time.max() + h * HOUR <= span[1]), None)
+    hour = next(
+        (
+            h
+            for h in hours
+            if time.min() + h * SUMMER_TIME_STEP_S >= span[0] and time.max() + h * SUMMER_TIME_STEP_S <= span[1]
+        ),
+        None,
+    )
     cure = "give the log of this measurement, or correct its date"
     if hour is not None and log.times.start is not None:
         cure = (

@@ -24,18 +24,18 @@ from kinematics.basis import Interval
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine, Vector
-from kinematics.state import REFERENCE, State, with_moves
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State, with_moves
 from kinematics.transforms import Array, read_only
 from kinematics.turn import measured_arc, swept_arc
 from kinematics.user_error import UserError
 from rendering.shown import Shown
 
-__all__ = ["SPINDLE_NOSE", "STANDSTILL", "AcrossPath", "Carrier", "Distance", "Measurement", "Target"]
+__all__ = ["SPINDLE_NOSE", "STANDSTILL_RANGE", "AcrossPath", "Carrier", "Distance", "Measurement", "Target"]
 __all__ += ["changed", "with_moves"]
 
-STANDSTILL = 1e-6
+STANDSTILL_RANGE = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
-SAME_MM, SAME_DEG = 1e-3, 1e-4
+SAME_POSITION_MM, SAME_POSITION_DEG = 1e-3, 1e-4
 """Differences within which axis positions are the same."""
 STILL = 1e-9
 """Difference, mm or rad, below which an axis has not moved."""
@@ -144,7 +144,10 @@ class Measurement(Shown):
     def temperatures(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest temperature, degC, of each sensor with a value in every row."""
         known = {sensor: kelvin for sensor, kelvin in self.state.temperatures.items() if np.isfinite(kelvin).all()}
-        ends = {sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE for sensor, kelvin in known.items()}
+        ends = {
+            sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE_TEMPERATURE_DEGC
+            for sensor, kelvin in known.items()
+        }
         return {sensor: (float(low), float(high)) for sensor, (low, high) in ends.items()}
 
     @cached_property
@@ -176,7 +179,7 @@ class Measurement(Shown):
         names = self.machine.names
         measured = set(names) if self.axis is None else set(self.axis.tolist())
         moved = zip(names, ends, strict=True)
-        return {name: (a, b) for name, (a, b) in moved if b - a > STANDSTILL and name in measured}
+        return {name: (a, b) for name, (a, b) in moved if b - a > STANDSTILL_RANGE and name in measured}
 
     @cached_property
     def distinct_positions(self) -> Mapping[str, int]:
@@ -187,7 +190,7 @@ class Measurement(Shown):
     @cached_property
     def positions_in_tolerances(self) -> Array:
         """Axis positions `(n, axes)` in units of the differences within which they are the same."""
-        same = np.where(self.machine.rotary, np.radians(SAME_DEG), SAME_MM)
+        same = np.where(self.machine.rotary, np.radians(SAME_POSITION_DEG), SAME_POSITION_MM)
         return read_only(np.asarray(self.state.positions / same))
 
     @cached_property
@@ -203,7 +206,7 @@ class Measurement(Shown):
         """
         state = self.state
         new = self.moved.copy()
-        if state.approach is not None:  # a stated one: a move of a fraction of SAME_MM has a direction too
+        if state.approach is not None:  # a stated one: a move of a fraction of `SAME_POSITION_MM` has a direction too
             still = np.append(False, np.abs(np.diff(state.positions, axis=0)).max(axis=1, initial=0.0) < STILL)
             new |= still[: len(state)] & changed(2.0 * state.approach)
         for names in (state.station, self.run, self.axis, self.file):

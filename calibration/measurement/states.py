@@ -12,7 +12,7 @@ import numpy as np
 from calibration.instruments import KINDS, instrument_in
 from calibration.instruments.axis_columns import axis_columns, read_component
 from calibration.measurement.axis_positions import (
-    SAME_POSITION,
+    SAME_COLUMN_POSITION,
     observed_zero,
     of_axes,
     of_part,
@@ -24,7 +24,7 @@ from calibration.measurement.text_table import Table
 from kinematics.files.number_text import rounded
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
-from kinematics.state import REFERENCE, State
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -248,7 +248,7 @@ def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:
 def read_temperatures(table: Table) -> dict[str, Array]:
     """Temperatures `(n,)`, K from 20 degC, by sensor."""
     columns = table.numbers([name for name in table.names if name.startswith("temp_")])
-    return {name.removeprefix("temp_"): column - REFERENCE for name, column in columns.items()}
+    return {name.removeprefix("temp_"): column - REFERENCE_TEMPERATURE_DEGC for name, column in columns.items()}
 
 
 def _spindle_speed(table: Table, notes: list[str]) -> Array | None:
@@ -346,7 +346,7 @@ def note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
     for i, axis in enumerate(machine.axes):
         low, high = machine.travel[:, i]
         beyond = float(np.max(np.maximum(low - positions[:, i], positions[:, i] - high)))
-        if beyond > SAME_POSITION:
+        if beyond > SAME_COLUMN_POSITION:
             ends = f"{axis.travel[0]:g}..{axis.travel[1]:g}"
             size = f"{rounded(beyond / machine.scale[i], 4)} {axis.unit}"
             notes.append(f"{axis.name} leaves its travel {ends} {axis.unit} by {size}: are these machine coordinates?")

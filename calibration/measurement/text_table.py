@@ -16,14 +16,14 @@ import numpy as np
 
 from kinematics.files import fingerprint, read_input
 from kinematics.files.mistaken import not_utf8, number_hint
-from kinematics.files.text_cells import LARGEST, number_of
+from kinematics.files.text_cells import LARGEST_NUMBER, number_of
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-LONGEST = 100_000
+MOST_LINE_CHARACTERS = 100_000
 """Most characters of a line; one cell of a CSV file may not have many more."""
 EMPTY = "empty: fill it in, or delete the row"
-NO_NUMBER = f"is no number within ±{LARGEST:g}: correct it, or delete the row"
+NO_NUMBER = f"is no number within ±{LARGEST_NUMBER:g}: correct it, or delete the row"
 
 
 class Entry(NamedTuple):
@@ -57,14 +57,14 @@ class Table:
         return len(self.rows)
 
     def numbers(self, names: Sequence[str]) -> dict[str, Array]:
-        """Columns `(n,)` of numbers up to LARGEST; UserError with line and column of the first other cell."""
+        """Columns `(n,)` of numbers up to `LARGEST_NUMBER`; UserError with line and column of the first other cell."""
         if not names:
             return {}
         try:
             values = self._load(names, float)
         except ValueError:
             values = np.array([[math.nan]])
-        if not np.all(np.abs(values) <= LARGEST):
+        if not np.all(np.abs(values) <= LARGEST_NUMBER):
             self._find_bad(names)
         return dict(zip(names, values.T.copy(), strict=True))
 
@@ -96,7 +96,7 @@ class Table:
         raise UserError(f"{self.source}{f':{line}' if line else ''} {key}: {reason}")
 
     def header_numbers(self, key: str, count: int) -> tuple[float, ...]:
-        """`count` numbers up to LARGEST in a header line, separated by blanks or commas; UserError for other values."""
+        """`count` numbers up to `LARGEST_NUMBER` in a header line, separated by blanks or commas; UserError for other values."""
         cells = self.entries[key].value.replace(",", " ").split()
         values = [number_of(cell) for cell in cells]
         if len(values) != count or None in values:
@@ -236,8 +236,10 @@ def text_lines(data: bytes, source: str) -> list[str]:
         line = text[: text.index("\0")].count("\n") + 1
         raise UserError(f"{source}:{line}: a zero byte, so the file is damaged or no text: export it again")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if long := next((number for number, line in enumerate(lines, start=1) if len(line) > LONGEST), None):
-        raise UserError(f"{source}:{long}: a line of more than {LONGEST} characters: this is no table; export it again")
+    if long := next((number for number, line in enumerate(lines, start=1) if len(line) > MOST_LINE_CHARACTERS), None):
+        raise UserError(
+            f"{source}:{long}: a line of more than {MOST_LINE_CHARACTERS} characters: this is no table; export it again"
+        )
     return lines
 
 

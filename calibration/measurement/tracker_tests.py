@@ -30,14 +30,14 @@ from rendering.shown import Shown
 
 KINDS = ("ranging", "length", "two-face")
 PARAMETERS = ("u_range_um", "u_range_um_per_m", "u_angle_um", "u_angle_um_per_m")
-STARTS = ((1.0, 0.5, 5.0, 2.0), (0.1, 1.0, 0.5, 5.0), (5.0, 0.05, 20.0, 0.5))
-SMALLEST = 1e-6
+TRACKER_STARTS = ((1.0, 0.5, 5.0, 2.0), (0.1, 1.0, 0.5, 5.0), (5.0, 0.05, 20.0, 0.5))
+ZERO_PARAMETER_UM = 1e-6
 """Smallest parameter, um or um/m; smaller ones count as zero."""
-NEAREST = 0.1
+SHORTEST_RANGE_M = 0.1
 """Smallest range of a test, m."""
-LEAST_UM, LARGEST_UM = 0.01, 1000.0
+LEAST_TRACKER_UM, LARGEST_TRACKER_UM = 0.01, 1000.0
 """Limits of a tracker's errors, um; values beyond them are in another unit."""
-DOUBTFUL = 1e-3
+DOUBTFUL_TESTS_P = 1e-3
 """Probability of a chi2 below which the tests do not fit the model."""
 
 
@@ -110,7 +110,7 @@ class Fitted(Shown):
     def doubtful(self, kind: str) -> bool:
         """True if measured errors of a kind are significantly larger than predicted."""
         value, dof = self.chi2(kind)
-        return self.tests.coverage is None and dof > 0 and float(special.chdtrc(dof, value)) < DOUBTFUL
+        return self.tests.coverage is None and dof > 0 and float(special.chdtrc(dof, value)) < DOUBTFUL_TESTS_P
 
 
 def read_tests(path: Path) -> TrackerTests:
@@ -136,9 +136,9 @@ def read_tests(path: Path) -> TrackerTests:
     near = table.numbers(["range_mm"])["range_mm"] * 1e-3
     if np.any(near <= 0.0):
         table.fault(int(np.argmax(near <= 0.0)), "range_mm", "a range must be above 0")
-    if np.any(near < NEAREST):
+    if np.any(near < SHORTEST_RANGE_M):
         table.fault(
-            int(np.argmax(near < NEAREST)),
+            int(np.argmax(near < SHORTEST_RANGE_M)),
             "range_mm",
             "a range below 100 mm is too short for a test of a tracker: is the unit mm?",
         )
@@ -151,15 +151,15 @@ def read_tests(path: Path) -> TrackerTests:
     value, coverage = table.numbers([name])[name], _coverage(table) if name == "stated_um" else None
     if coverage is not None and np.any(value <= 0.0):
         table.fault(int(np.argmax(value <= 0.0)), name, "a stated value must be above 0")
-    if np.any(np.abs(value) > LARGEST_UM):
+    if np.any(np.abs(value) > LARGEST_TRACKER_UM):
         table.fault(
-            int(np.argmax(np.abs(value) > LARGEST_UM)),
+            int(np.argmax(np.abs(value) > LARGEST_TRACKER_UM)),
             name,
             "more than 1 mm is too large for an error of a tracker: is the unit um?",
         )
-    if not np.any(np.abs(value) > LEAST_UM):
+    if not np.any(np.abs(value) > LEAST_TRACKER_UM):
         raise UserError(
-            f"{table.source}: every {name} is below {LEAST_UM:g} um, less than the errors of any tracker: is the unit "
+            f"{table.source}: every {name} is below {LEAST_TRACKER_UM:g} um, less than the errors of any tracker: is the unit "
             "um?"
         )
     return TrackerTests(kind, np.stack([starts, ends], axis=1), along, value, coverage, str(path))
@@ -171,10 +171,12 @@ def fit_tests(tests: TrackerTests) -> Fitted:
 
     _refuse_unidentifiable(tests)
     objective = _likelihood if tests.coverage is None else _logarithms
-    bounds = [(SMALLEST, None)] * 4
-    tried = [minimize(objective, start, (tests,), jac=True, method="L-BFGS-B", bounds=bounds) for start in STARTS]
+    bounds = [(ZERO_PARAMETER_UM, None)] * 4
+    tried = [
+        minimize(objective, start, (tests,), jac=True, method="L-BFGS-B", bounds=bounds) for start in TRACKER_STARTS
+    ]
     best = min(tried, key=lambda one: float(one.fun)).x
-    parameters = np.where(best <= 2.0 * SMALLEST, 0.0, best)
+    parameters = np.where(best <= 2.0 * ZERO_PARAMETER_UM, 0.0, best)
     predicted = np.sqrt(tests.variances(best) * tests.dof)
     return Fitted(tests, parameters, _uncertainties(tests, best, predicted), predicted)
 

@@ -18,11 +18,11 @@ from calibration.measurement.states import (
     PLAIN_NAME,
 )
 from kinematics.effects.base import UM
-from kinematics.state import REFERENCE
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 
-CHUNK = 50_000
+WRITTEN_ROWS = 50_000
 """Number of rows converted to text at a time."""
 
 
@@ -37,8 +37,8 @@ def write_measurement(measurement: Measurement, file: BinaryIO, origin: str = ""
     columns = measurement.instrument.file_columns(measurement) or columns_of(measurement)
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    for start in range(0, len(next(iter(columns.values()))), CHUNK):
-        part = [column[start : start + CHUNK] for column in columns.values()]
+    for start in range(0, len(next(iter(columns.values()))), WRITTEN_ROWS):
+        part = [column[start : start + WRITTEN_ROWS] for column in columns.values()]
         writer.writerows(zip(*map(texts, part), strict=True))
     text.flush()
     text.detach()
@@ -82,7 +82,9 @@ def columns_of(measurement: Measurement) -> dict[str, np.ndarray]:
         for i in np.flatnonzero(~np.isnan(measurement.actual).any(axis=0)).tolist():
             columns[f"actual_{machine.names[i]}"] = in_units(measurement.actual[:, i], machine.scale[i])
     for sensor, kelvin in state.temperatures.items():
-        columns[f"temp_{sensor}"] = converted(kelvin, lambda k: k + REFERENCE, lambda degrees: degrees - REFERENCE)
+        columns[f"temp_{sensor}"] = converted(
+            kelvin, lambda k: k + REFERENCE_TEMPERATURE_DEGC, lambda degrees: degrees - REFERENCE_TEMPERATURE_DEGC
+        )
     return {name: column for name, column in columns.items() if column is not None}
 
 

@@ -29,9 +29,9 @@ ANY_SLOPE_UM_PER_MM, ANY_BACKLASH_UM = 100.0, 1000.0
 """Slopes, um/mm, and backlash, um, of a router or printer of which nothing is known: ten times what users report."""
 SLOPED = 1e-2
 """Size of a parameter, as a share of the largest, from which it counts as a part of the slope."""
-LOGGED = 240
+LOGGED_POSITIONS = 240
 """Least number of positions in the log of a moving axis."""
-REPEATED = 3
+MEAN_REPEATS = 3
 """Least mean number of readings of a target in repeated runs."""
 _KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics), targets:N (nodes)"
 
@@ -205,7 +205,7 @@ def _constants(machine: Machine, model: ErrorModel) -> np.ndarray:
 def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
     """Target positions of an axis, mm or degrees, that the runs of an interferometer visit again and again; else empty.
 
-    They are as many as REPEATED allows, as in a test by ISO 230-2. Empty also for an axis that turns fully: its errors
+    They are as many as `MEAN_REPEATS` allows, as in a test by ISO 230-2. Empty also for an axis that turns fully: its errors
     repeat with the turn.
     """
     if measurement.axis is None or measurement.machine.axes[measurement.machine.index(axis)].turns_fully:
@@ -213,15 +213,15 @@ def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
     rows = np.equal(measurement.axis, axis)
     position = np.round(measurement.state.position(measurement.machine, axis)[rows], 3)
     targets, visits = np.unique(position, return_counts=True)
-    return targets.tolist() if 2 < len(targets) * REPEATED <= len(position) and visits.min() > 1 else []
+    return targets.tolist() if 2 < len(targets) * MEAN_REPEATS <= len(position) and visits.min() > 1 else []
 
 
 def is_log(measurement: Measurement, axis: str) -> bool:
-    """True for an axis that an interferometer, or another reference of one axis, observed at LOGGED positions or more.
+    """True for an axis that an interferometer, or another reference of one axis, observed at `LOGGED_POSITIONS` positions or more.
 
     Its positions show waves of any length, so that no basis has to.
     """
-    return measurement.axis is not None and measurement.distinct_positions[axis] >= LOGGED
+    return measurement.axis is not None and measurement.distinct_positions[axis] >= LOGGED_POSITIONS
 
 
 def priors(model: ErrorModel) -> np.ndarray:

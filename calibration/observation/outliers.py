@@ -6,7 +6,7 @@ when so large a d2 occurs in fewer than one of a hundred such measurements with 
 row's components). During the iterations of the fit, rows have Huber's weights instead. A station most of whose rows are
 outliers has failed as a whole and is left out, unless such stations hold more than half of the rows.
 
-At most MOST of the other rows are left out. If more rows disagree, the model is at fault and not single rows: a fit
+At most `OUTLIER_SHARE` of the other rows are left out. If more rows disagree, the model is at fault and not single rows: a fit
 without them would have small residuals because it leaves out the rows that it cannot explain. Then all rows stay, and
 count fully in every figure; the fit keeps Huber's weights.
 """
@@ -18,20 +18,20 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import special
 
-from calibration.instruments.of_points import IN_LINE, width
+from calibration.instruments.of_points import LINE_RMS_MM, width
 from calibration.measurement.measurement import Measurement
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 Variance = Literal["sheet", "estimate"]
 """Variance of the instrument's noise: from its specification, or that times a factor from the residuals."""
-SIGNIFICANCE = 0.01
+FALSE_OUTLIER_PROBABILITY = 0.01
 """Probability that a measurement of n rows without outliers has a row rejected."""
-HUBER = 0.95
+FULL_WEIGHT_SHARE = 0.95
 """Share of good rows that keep their full weight."""
 FAILED = 0.5
 """Share of outliers among the rows of a station above which it has failed; largest share of rows of such stations."""
-MOST = 0.05
+OUTLIER_SHARE = 0.05
 """Largest share of rows that are left out as outliers; a single row may always be."""
 
 
@@ -43,7 +43,7 @@ class LeftOut(NamedTuple):
     failed: tuple[str, ...]
     """Stations that failed as a whole."""
     suspected: np.ndarray
-    """True `(n,)` for rows that disagree with the others but stay, because they are more than MOST of all."""
+    """True `(n,)` for rows that disagree with the others but stay, because they are more than `OUTLIER_SHARE` of all."""
 
     @classmethod
     def of(cls, measurement: Measurement, outlying: np.ndarray, *, stay: bool = False) -> LeftOut:
@@ -61,7 +61,7 @@ class LeftOut(NamedTuple):
 
 def too_many(lost: int, rows: int) -> bool:
     """True where more of the rows are lost than may be left out."""
-    return lost > max(1.0, MOST * rows)
+    return lost > max(1.0, OUTLIER_SHARE * rows)
 
 
 def robust_factor(
@@ -92,7 +92,7 @@ def _median(values: Array, weights: Array) -> float:
 
 def huber_weights(distances: Array, components: int, factor: float) -> Array:
     """Weights `(n,)` of rows with these squared distances."""
-    limit = special.chdtri(components, 1.0 - HUBER) * factor
+    limit = special.chdtri(components, 1.0 - FULL_WEIGHT_SHARE) * factor
     return np.asarray(np.sqrt(limit / np.maximum(distances, limit)))
 
 
@@ -103,7 +103,7 @@ def outlying(distances: Array, components: int, factor: float) -> np.ndarray:
 
 def largest_distance(rows: int, components: int) -> float:
     """Squared distance from which one of so many rows is an outlier."""
-    return float(special.chdtri(components, SIGNIFICANCE / max(rows, 1)))
+    return float(special.chdtri(components, FALSE_OUTLIER_PROBABILITY / max(rows, 1)))
 
 
 def failed_stations(groups: np.ndarray, bad: np.ndarray) -> list[str]:
@@ -119,7 +119,7 @@ def refuse_lines(measurement: Measurement) -> None:
     points, groups = measurement.nominal_points, measurement.groups
     for name in np.unique(groups).tolist():
         mine = points[groups == name]
-        if len(mine) > 2 and np.ptp(mine, axis=0).max() > IN_LINE > width(mine):
+        if len(mine) > 2 and np.ptp(mine, axis=0).max() > LINE_RMS_MM > width(mine):
             raise UserError(
                 f"{measurement.source}: all points of station {name} lie on one line: the rotation of the instrument "
                 "about it is unidentifiable, and errors across it would get wrong directions. Measure some points off "

@@ -28,9 +28,9 @@ from kinematics.transforms import Array, read_only
 
 SPARSE = 2.5
 """Ratio of all products of functions to those that are not zero from which a sparse product is faster than BLAS."""
-FEW = 1_000_000
+FEW_DERIVATIVES = 1_000_000
 """Most derivatives of a model whose columns are multiplied as they are."""
-COARSE = 5
+FEW_EFFECT_PARAMETERS = 5
 """Parameters of an effect, on the average, up to which this is faster for any number of rows."""
 ENTRIES = 1_000_000
 """Most products of arms at a time."""
@@ -186,7 +186,7 @@ class ModelProducts:
     def __init__(self, model: ErrorModel, machine: Machine, state: State, scalars: int) -> None:
         """scalars: number of scalars that the rows observe in all."""
         parameters = len(model.parameters)
-        few = scalars * parameters <= FEW or parameters <= COARSE * len(model.effects)
+        few = scalars * parameters <= FEW_DERIVATIVES or parameters <= FEW_EFFECT_PARAMETERS * len(model.effects)
         self._machine, self._state = machine, state
         motions: dict[tuple[str, Basis], list[ErrorMotion]] = defaultdict(list)
         places: dict[tuple[str, Basis], list[np.ndarray]] = defaultdict(list)

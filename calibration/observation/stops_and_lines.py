@@ -18,11 +18,11 @@ from calibration.measurement.measurement import Measurement
 from calibration.registration.derived import derived
 from kinematics.transforms import Array
 
-IN_LINE = 1e-3
+ON_LINE_SHARE = 1e-3
 """Distance from a line, as a share of the range of each axis, within which positions lie on it."""
 LEAST_OF_LINE = 4
 """Smallest number of positions of a line; one fewer where such lines hold half of the positions (small grids)."""
-REGIONS, MOST_LINES = 8, 16
+REGIONS, MOST_LINE_BLOCKS = 8, 16
 """Number of regions of positions off the lines, and most blocks of lines beside them."""
 LEAST_OF_REGION = 4
 """Smallest number of positions of a region beside lines; fewer positions are never held out."""
@@ -79,7 +79,7 @@ def held_out_blocks(measurement: Measurement) -> tuple[np.ndarray, str]:
         return _regions(positions, REGIONS), "regions of stops"
     regions = min(REGIONS, len(np.unique(positions[loose], axis=0)) // LEAST_OF_REGION)
     labels = np.full(len(line), -1)
-    labels[line >= 0] = np.searchsorted(known, line[line >= 0]) % (MOST_LINES if regions else MOST_BLOCKS)
+    labels[line >= 0] = np.searchsorted(known, line[line >= 0]) % (MOST_LINE_BLOCKS if regions else MOST_BLOCKS)
     if not regions:
         return labels, "lines"
     labels[loose] = _regions(positions[loose], regions) + labels.max() + 1
@@ -91,7 +91,7 @@ def _in_tolerances(measurement: Measurement) -> Array:
     """Positions `(n, moving)` of the axes that move, in tolerances of a line, rounded to equal ones where the same."""
     positions = np.round(measurement.positions_in_tolerances)
     ranges = np.ptp(positions, axis=0) if len(positions) else np.zeros(positions.shape[1])
-    return np.asarray(positions[:, ranges > 1.0] / (IN_LINE * ranges[ranges > 1.0]))
+    return np.asarray(positions[:, ranges > 1.0] / (ON_LINE_SHARE * ranges[ranges > 1.0]))
 
 
 def _numbered(names: np.ndarray) -> np.ndarray:

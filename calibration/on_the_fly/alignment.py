@@ -17,7 +17,7 @@ from kinematics.user_error import UserError
 
 MOST_POINTS = 20_000
 """Largest number of points that determine the pose of a station."""
-ROUNDS = 30
+ALIGNMENT_ROUNDS = 30
 CONVERGED_MM = 1e-6
 """Step of the points, mm, below which the pose has converged."""
 ASIDE = (-2.0, -1.0, 0.0, 1.0, 2.0)
@@ -27,8 +27,8 @@ TIE = 1e-8
 NEWTON = 3
 NOT_FOLLOWED_MM = 2.0
 """Median distance from the path, mm, above which the points did not follow it."""
-HUBER = 1.5
-AT_A_TIME = 65_536
+HUBER_SIGMA = 1.5
+READINGS_AT_A_TIME = 65_536
 
 
 class Pass(NamedTuple):
@@ -53,8 +53,8 @@ def nearest(path: TargetPath, points: Array, expected: Array, width: float) -> A
     The search covers 2 widths to both sides of the expected distances `(n,)`, mm.
     """
     found = np.empty(len(points))
-    for start in range(0, len(points), AT_A_TIME):
-        rows = slice(start, start + AT_A_TIME)
+    for start in range(0, len(points), READINGS_AT_A_TIME):
+        rows = slice(start, start + READINGS_AT_A_TIME)
         found[rows] = _nearest(path, points[rows], expected[rows], width)
     return found
 
@@ -79,7 +79,7 @@ def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
     for each in passes:
         count = max(int(share * len(each.distances)), min(len(each.distances), 10))
         some.append(each.rows(np.unique(np.linspace(0, len(each.distances) - 1, count).astype(int))))
-    for _ in range(ROUNDS):
+    for _ in range(ALIGNMENT_ROUNDS):
         parts = []
         for i, each in enumerate(some):
             on_path = pose.inverse().apply(each.points)
@@ -88,7 +88,7 @@ def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
         design, left = (np.concatenate(column) for column in zip(*parts, strict=True))
         away = np.linalg.norm(left, axis=1)
         scale = max(float(np.median(away)), 1e-9)
-        root = np.sqrt(np.minimum(HUBER * scale / np.maximum(away, 1e-12), 1.0))
+        root = np.sqrt(np.minimum(HUBER_SIGMA * scale / np.maximum(away, 1e-12), 1.0))
         centre = np.concatenate([pose.inverse().apply(each.points) for each in some]).mean(axis=0)
         columns = np.concatenate([design, _turned(design, some, pose, centre)], axis=2) * root[:, None, None]
         step = np.linalg.lstsq(columns.reshape(-1, 6), (left * root[:, None]).reshape(-1), rcond=1e-9)[0]

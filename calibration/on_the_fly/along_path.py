@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import AcrossPath, Measurement, with_moves
-from calibration.on_the_fly.alignment import AT_A_TIME, Pass, aligned_pose, nearest
-from calibration.on_the_fly.coarse_alignment import SAMPLES, rough
+from calibration.on_the_fly.alignment import READINGS_AT_A_TIME, Pass, aligned_pose, nearest
+from calibration.on_the_fly.coarse_alignment import PATH_POSITIONS, rough
 from calibration.on_the_fly.constant_feed import steadiness
 from calibration.on_the_fly.nominal_path import NominalPath, TargetPath, target_path
 from calibration.on_the_fly.path_cells import Cells, cell_numbers, reduced
@@ -22,9 +22,9 @@ from kinematics.transforms import Array, Pose, turn
 from kinematics.user_error import UserError
 
 CELL_MM, CORNER_MM = 4.0, 5.0
-MARGIN = 1
+REFINED_STEPS = 1
 """Steps by which the bases are refined beyond the evidence: dense readings resolve errors that it neglects."""
-MOST = 20_000
+MOST_PATH_CELLS = 20_000
 """Largest number of cells of a measurement; a longer path has longer cells."""
 
 
@@ -60,14 +60,14 @@ def on_path(
     paths = {name: target_path(path, readings.targets[name], readings.stands_on) for name in names}
     passes = list(readings.passes())
     length = sum(paths[str(readings.target[rows.start])].length for rows in passes)
-    cell = cell_mm if cell_mm is not None else max(CELL_MM, round(length / MOST, 1))
+    cell = cell_mm if cell_mm is not None else max(CELL_MM, round(length / MOST_PATH_CELLS, 1))
     poses: dict[str, Pose] = {}
     roughly: list[Pass] = []
     for number, rows in enumerate(passes):
         progress("rough alignment", number / len(passes))
         target, station = paths[str(readings.target[rows.start])], str(readings.station[rows.start])
         found = rough(target, readings.points[rows], readings.where(rows))
-        roughly.append(Pass(target, readings.points[rows], found.distances, 1.5 * target.length / SAMPLES))
+        roughly.append(Pass(target, readings.points[rows], found.distances, 1.5 * target.length / PATH_POSITIONS))
         poses.setdefault(station, found.pose)
     for number, (station, roughly_posed) in enumerate(poses.items()):
         progress("fine alignment", number / len(poses))
@@ -185,8 +185,8 @@ def _followed(each: Pass, pose: Pose) -> tuple[Array, Array]:
     """Distances along the path `(n,)` and deviations across it `(n, 3)`, mm, of the points of a pass."""
     distances, deviation = np.empty(len(each.distances)), np.empty((len(each.distances), 3))
     back = pose.inverse()
-    for start in range(0, len(distances), AT_A_TIME):
-        rows = slice(start, start + AT_A_TIME)
+    for start in range(0, len(distances), READINGS_AT_A_TIME):
+        rows = slice(start, start + READINGS_AT_A_TIME)
         points = back.apply(each.points[rows])
         distances[rows] = nearest(each.path, points, each.distances[rows], each.width)
         located = each.path.at(distances[rows])

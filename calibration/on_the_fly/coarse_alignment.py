@@ -18,13 +18,13 @@ from calibration.registration.registration import rigid
 from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 
-BLOCKS = 8000
+MOST_MEDIANS = 8000
 """Largest number of medians, apart from a last incomplete one, to which the points are reduced."""
-SAMPLES = 3000
+PATH_POSITIONS = 3000
 """Number of positions on the path for the assignment in order."""
-BAND = 0.05
+BAND_OF_PATH = 0.05
 """Largest difference of an assignment from equal shares, and of the two lengths, as a share of the path length."""
-ROUNDS = 4
+COARSE_ROUNDS = 4
 
 
 class Rough(NamedTuple):
@@ -41,26 +41,26 @@ def rough(path: TargetPath, points: Array, where: str) -> Rough:
     if len(points) < 10:
         raise UserError(f"{where}: {len(points)} points are too few to follow a path")
     centre, medians = _medians(points)
-    kept = _moved(medians, max(path.length / (4.0 * SAMPLES), 0.05))
+    kept = _moved(medians, max(path.length / (4.0 * PATH_POSITIONS), 0.05))
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(medians[kept], axis=0), axis=1))])
     length = float(arc[-1])
-    if abs(length / path.length - 1.0) > BAND:
+    if abs(length / path.length - 1.0) > BAND_OF_PATH:
         raise UserError(
             f"{where}: the points cover {length / 1e3:.3f} m, the program {path.length / 1e3:.3f} m: record it from "
             "start to end, once for each value of the columns run, target and station; or is it another program?"
         )
-    share = np.linspace(0.0, 1.0, SAMPLES + 1)
+    share = np.linspace(0.0, 1.0, PATH_POSITIONS + 1)
     observed = np.stack([np.interp(share * length, arc, column) for column in medians[kept].T], axis=1)
     nominal = path.at(share * path.length).points
-    pose, partner = rigid(nominal, observed), np.arange(SAMPLES + 1)
-    for _ in range(ROUNDS):
+    pose, partner = rigid(nominal, observed), np.arange(PATH_POSITIONS + 1)
+    for _ in range(COARSE_ROUNDS):
         before = partner
         partner = in_order(observed, pose.apply(nominal))
         pose = rigid(nominal[partner], observed)
         if np.array_equal(partner, before):
             break
     along = np.interp(centre[kept], centre[kept], arc) / length
-    distances = np.interp(along, share, partner / SAMPLES * path.length)
+    distances = np.interp(along, share, partner / PATH_POSITIONS * path.length)
     return Rough(pose, np.interp(np.arange(len(points)), centre[kept], distances))
 
 
@@ -70,7 +70,7 @@ def in_order(observed: Array, nominal: Array) -> np.ndarray:
     Indices never decrease, and increase by 2 at most from one point to the next.
     """
     n = len(observed)
-    band = int(BAND * n) + 5
+    band = int(BAND_OF_PATH * n) + 5
     offsets = np.arange(-band, band + 1)
     best = np.where(np.abs(offsets) <= 5, 0.0, np.inf)
     came = np.zeros((n, len(offsets)), np.int8)
@@ -96,7 +96,7 @@ def in_order(observed: Array, nominal: Array) -> np.ndarray:
 
 def _medians(points: Array) -> tuple[Array, Array]:
     """Index `(b,)` of the middle row, and median `(b, 3)`, of each block of points."""
-    size = -(-len(points) // BLOCKS)
+    size = -(-len(points) // MOST_MEDIANS)
     whole = len(points) // size * size
     medians = np.median(points[:whole].reshape(-1, size, 3), axis=1)
     centre = np.asarray(np.arange(len(medians)) * size + (size - 1) / 2.0, float)

@@ -14,7 +14,7 @@ import numpy as np
 from calibration.on_the_fly.nominal_path import TargetPath
 from kinematics.transforms import Array
 
-STEADY = 0.05
+STEADY_FEED = 0.05
 """Largest relative difference of the feed from that of the segment."""
 PLATEAU = 0.7
 """Quantile of the feeds on a segment that is taken for its constant feed: acceleration and braking lie below it."""
@@ -54,5 +54,5 @@ def steadiness(path: TargetPath, time: Array, distances: Array, corner_mm: float
     for number, rows in zip(numbers.tolist(), np.split(order, first[1:]), strict=True):
         plateau[number] = np.quantile(feed[rows], PLATEAU)
     with np.errstate(invalid="ignore"):
-        unsteady = ~(np.abs(feed / plateau[segment] - 1.0) <= STEADY) & ~corner
+        unsteady = ~(np.abs(feed / plateau[segment] - 1.0) <= STEADY_FEED) & ~corner
     return Steadiness(corner, unsteady, speed, feed * 60.0)

@@ -18,7 +18,7 @@ from calibration.on_the_fly.along_path import OnTheFly
 from kinematics.error_model.model import Observation
 from kinematics.transforms import blocks
 
-NODES, HARMONICS = 12, 4
+PATH_FIT_NODES, PATH_FIT_HARMONICS = 12, 4
 """Size of the bases in the fit that estimates the deviation along the path."""
 
 
@@ -27,7 +27,7 @@ def with_corrected_positions(taken: OnTheFly) -> Measurement:
     measurement = taken.measurement
     assert measurement.across is not None
     bases = {
-        axis: BasisChoice("fourier", HARMONICS) if axis[0] in "ABC" else BasisChoice("cubic", NODES)
+        axis: BasisChoice("fourier", PATH_FIT_HARMONICS) if axis[0] in "ABC" else BasisChoice("cubic", PATH_FIT_NODES)
         for axis in measurement.moving
     }
     model, prior = with_effects(measurement, bases, (), 1.0)

@@ -16,13 +16,13 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-SEGMENT_DEG = 0.25
+PATH_SEGMENT_DEG = 0.25
 """Largest rotation between two points by which the path length of a target is measured, degrees."""
-STEPS, SHORTEST = 40_000, 0.2
+STORED_STEPS, SHORTEST_STORED_STEP_MM = 40_000, 0.2
 """Number of equal steps in which the path of a target is stored; shortest step, mm."""
 CORNER_DEG = 1.0
 """Change of direction, degrees, above which a path has a corner."""
-STANDSTILL = 1e-6
+STANDSTILL_TARGET_MM = 1e-6
 """Distance, mm, below which a target does not move."""
 
 
@@ -132,12 +132,12 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
     corner = at(vertices)
     chords = np.diff(corner.nominal_points, axis=0)
     lengths = np.linalg.norm(chords, axis=1)
-    lengths[lengths < STANDSTILL] = 0.0
+    lengths[lengths < STANDSTILL_TARGET_MM] = 0.0
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
     length = float(arc[-1])
-    if length < 10.0 * SHORTEST:
+    if length < 10.0 * SHORTEST_STORED_STEP_MM:
         raise UserError(f"{path.source}: the target moves by {length:.3g} mm only, which is too short for a path")
-    count = max(int(np.ceil(length / max(length / STEPS, SHORTEST))), 2)
+    count = max(int(np.ceil(length / max(length / STORED_STEPS, SHORTEST_STORED_STEP_MM))), 2)
     s = np.linspace(0.0, length, count + 1)
     moving = np.flatnonzero(lengths)
     segment = moving[np.clip(np.searchsorted(arc[moving], s, side="right") - 1, 0, len(moving) - 1)]
@@ -164,7 +164,7 @@ def _segments(path: NominalPath) -> tuple[Array, np.ndarray]:
     """Vertices `(v, axes)` between which rotary axes turn by PIECE_DEG at most; move `(v - 1,)` of each segment."""
     moves = np.diff(path.positions, axis=0)
     turned = np.degrees(np.abs(moves[:, path.machine.rotary]).max(axis=1, initial=0.0))
-    counts = np.maximum(np.ceil(turned / SEGMENT_DEG), 1).astype(int)
+    counts = np.maximum(np.ceil(turned / PATH_SEGMENT_DEG), 1).astype(int)
     move = np.repeat(np.arange(len(moves)), counts)
     first = np.cumsum(counts) - counts
     share = (np.arange(len(move)) - first[move] + 1) / counts[move]

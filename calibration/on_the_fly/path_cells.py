@@ -14,13 +14,13 @@ import numpy as np
 from calibration.on_the_fly.nominal_path import TargetPath
 from kinematics.transforms import Array
 
-FAR = 7.0
+FAR_FROM_MEDIAN = 7.0
 """Robust standard deviations from the median of its cell beyond which a reading is left out."""
-ENOUGH = 5
+READINGS_OF_A_MEDIAN = 5
 """Least number of readings of a cell for a meaningful median."""
-CHANCE = 1.1
+RANDOM_VARIANCE_RATIO = 1.1
 """Ratio of variances below which an excess is random."""
-QUARTER = 3
+READINGS_OF_QUARTER = 3
 """Least number of readings in each quarter of a cell from which the correlation of noise in time is estimated."""
 
 
@@ -87,7 +87,7 @@ def correlation(deviation: Array, start: np.ndarray, count: Array) -> float:
     rank = np.arange(len(deviation)) - start[mine]
     quarter = mine * 4 + np.minimum(rank * 4 // np.maximum(count[mine], 1), 3).astype(int)
     size = np.bincount(quarter, minlength=4 * len(start)).astype(float)
-    full = size.reshape(-1, 4).min(axis=1) >= QUARTER
+    full = size.reshape(-1, 4).min(axis=1) >= READINGS_OF_QUARTER
     if np.count_nonzero(full) < 30:
         return 1.0
     sums = np.stack([np.bincount(quarter, column, 4 * len(start)) for column in deviation.T], axis=1)
@@ -96,14 +96,14 @@ def correlation(deviation: Array, start: np.ndarray, count: Array) -> float:
     curved = np.einsum("cqk,q->ck", means.reshape(-1, 4, 3), [1.0, -1.0, -1.0, 1.0])[full]
     expected = np.sum(1.0 / size.reshape(-1, 4)[full], axis=1).sum() * float(inner.sum())
     ratio = float(np.sum(curved**2)) / expected if expected > 0.0 else 1.0
-    return ratio if ratio > CHANCE else 1.0
+    return ratio if ratio > RANDOM_VARIANCE_RATIO else 1.0
 
 
 def _near(cell: np.ndarray, deviation: Array) -> np.ndarray:
     """Mask `(n,)` of the readings, sorted by cells, that lie near the median of their cell."""
     start = np.flatnonzero(np.append(True, cell[1:] != cell[:-1])) if len(cell) else np.zeros(0, int)
     count = np.diff(np.append(start, len(cell)))
-    if not len(count) or count.max() < ENOUGH:
+    if not len(count) or count.max() < READINGS_OF_A_MEDIAN:
         return np.ones(len(cell), bool)
     mine = np.repeat(np.arange(len(start)), count)
     away = np.empty_like(deviation)
@@ -111,6 +111,6 @@ def _near(cell: np.ndarray, deviation: Array) -> np.ndarray:
         column = deviation[np.lexsort((deviation[:, k], cell)), k]
         away[:, k] = deviation[:, k] - (column[start + (count - 1) // 2] + column[start + count // 2])[mine] / 2.0
     distance = np.linalg.norm(away, axis=1)
-    several = count[mine] >= ENOUGH
+    several = count[mine] >= READINGS_OF_A_MEDIAN
     typical = float(np.median(distance[several]))
-    return np.asarray(~several | (distance <= FAR * max(typical, 1e-9)))
+    return np.asarray(~several | (distance <= FAR_FROM_MEDIAN * max(typical, 1e-9)))

@@ -15,7 +15,7 @@ from kinematics.effects.base import own_component
 from kinematics.user_error import UserError
 
 MODES = ("none", "constant", "curves")
-NODES = 5
+REVERSAL_NODES = 5
 """Number of nodes of a curve."""
 
 
@@ -39,6 +39,6 @@ def _constants(axis: str, interval: Interval) -> Iterator[Effect]:
 
 def _curves(axis: str, interval: Interval) -> Iterator[Effect]:
     low, high = interval
-    nodes = tuple(low + (high - low) * k / (NODES - 1) for k in range(NODES))
+    nodes = tuple(low + (high - low) * k / (REVERSAL_NODES - 1) for k in range(REVERSAL_NODES))
     for component in get_args(Component):
-        yield Reversal(component, axis, BSpline(nodes, 1), (0.0,) * NODES)
+        yield Reversal(component, axis, BSpline(nodes, 1), (0.0,) * REVERSAL_NODES)

@@ -13,12 +13,12 @@ import numpy as np
 from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.states import MADE_BY
-from calibration.measurement.written_file import CHUNK, header_lines
+from calibration.measurement.written_file import WRITTEN_ROWS, header_lines
 from calibration.on_the_fly.drive import Driven, PathDynamics, driven
 from calibration.on_the_fly.nominal_path import NominalPath
 from calibration.simulation.simulate import observe, with_temperatures
 from kinematics.error_model.model import ErrorModel
-from kinematics.state import REFERENCE, State
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State
 from kinematics.transforms import Array, Pose
 from kinematics.version import VERSION
 
@@ -88,11 +88,16 @@ def write_readings(readings: Measurement, file: BinaryIO, origin: str = "") -> N
     for name, column in (("target", state.target), ("station", state.station), ("run", readings.run)):
         if column is not None and np.any(column != column[0]):
             columns[name] = column
-    columns |= {f"temp_{sensor}": np.round(kelvin + REFERENCE, 3) for sensor, kelvin in state.temperatures.items()}
+    columns |= {
+        f"temp_{sensor}": np.round(kelvin + REFERENCE_TEMPERATURE_DEGC, 3)
+        for sensor, kelvin in state.temperatures.items()
+    }
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    for start in range(0, len(readings), CHUNK):
-        writer.writerows(zip(*(column[start : start + CHUNK].tolist() for column in columns.values()), strict=True))
+    for start in range(0, len(readings), WRITTEN_ROWS):
+        writer.writerows(
+            zip(*(column[start : start + WRITTEN_ROWS].tolist() for column in columns.values()), strict=True)
+        )
     text.flush()
     text.detach()
 

@@ -21,9 +21,9 @@ from kinematics.user_error import UserError
 
 BEYOND = 1.25
 """Factor by which positions are spread beyond the travel, then clipped to its ends: faces and edges are most useful."""
-NEAREST_MM = 100.0
+NEAREST_CANDIDATE_MM = 100.0
 """Smallest distance, mm, from the tracker to a target."""
-OFF_MM, HEIGHTS = (300.0, 1500.0), (0.2, 0.5, 1.0)
+INSTRUMENT_DISTANCES_MM, INSTRUMENT_HEIGHTS = (300.0, 1500.0), (0.2, 0.5, 1.0)
 """Distances, mm, from the volume to an instrument without a given position; its heights, as shares of the volume's."""
 
 
@@ -117,7 +117,7 @@ def visible(
     free = np.zeros(len(state), bool)
     for name, position in stations.items():
         rows = np.flatnonzero(blank.groups == name)
-        seen = np.linalg.norm(points[rows] - position, axis=1) > NEAREST_MM
+        seen = np.linalg.norm(points[rows] - position, axis=1) > NEAREST_CANDIDATE_MM
         for obstacle in obstacles:
             seen &= ~obstacle.contains(points[rows]) & ~obstacle.between(np.array(position), points[rows])
         free[rows] = seen
@@ -146,8 +146,8 @@ def places_around(machine: Machine, choices: Choices) -> list[Vector]:
     middle = (least + most) / 2
     sides = [side for side in itertools.product((-1, 0, 1), repeat=2) if side != (0, 0)]
     half = (most - least) / 2
-    around = [middle[:2] + np.array(side) * (half[:2] + off) for off in OFF_MM for side in sides]
-    heights = [least[2] + share * (most[2] - least[2]) for share in HEIGHTS]
+    around = [middle[:2] + np.array(side) * (half[:2] + off) for off in INSTRUMENT_DISTANCES_MM for side in sides]
+    heights = [least[2] + share * (most[2] - least[2]) for share in INSTRUMENT_HEIGHTS]
     return [(round(float(a)), round(float(b)), round(float(z))) for a, b in around for z in heights]
 
 

@@ -17,9 +17,9 @@ from kinematics.transforms import Array
 
 LOOKED_AT = 48
 """Number of candidates whose improvement is computed anew at a time; earlier values are upper limits for all others."""
-TRIED = 12
+TRIED_EXCHANGES = 12
 """Number of exchanges that are tried, from the least useful chosen candidate on, before the search ends."""
-LEAST = 1e-4
+LEAST_REDUCTION = 1e-4
 """Smallest reduction of the variance by an exchange, as a share of the variance."""
 
 
@@ -117,7 +117,7 @@ def exchanged(
     for _ in range(rounds):
         inside = np.flatnonzero(selection.chosen)
         ranked = inside[np.argsort(selection.losses(inside))]
-        if not _one(selection, ranked[:TRIED], allowed, groups, least):
+        if not _one(selection, ranked[:TRIED_EXCHANGES], allowed, groups, least):
             break
         done += 1
     return done
@@ -132,7 +132,7 @@ def _one(selection: Selection, ranked: np.ndarray, allowed: np.ndarray, groups: 
         free = np.flatnonzero(allowed & ~selection.chosen & (own | keeps))
         best = int(free[np.argmax(selection.improvements(free))])
         selection.change(best, 1)
-        if selection.variance < before * (1 - LEAST):
+        if selection.variance < before * (1 - LEAST_REDUCTION):
             return True
         selection.change(best, -1)
         selection.change(candidate, 1)

@@ -40,14 +40,14 @@ from kinematics.user_error import UserError
 BASIS = "legendre:12"
 """Basis of linear axes; its k-th parameter is expected to have the typical size over 1 + k: errors are smooth."""
 ROTARY_BASIS = "fourier:3"
-FREE = 1e-9
+PRIOR_REGISTRATION_INFORMATION = 1e-9
 """Prior information on the registration."""
 EXCHANGES = 40
-MANY = 1000
+NAMING_ROWS = 1000
 """Number of rows of the fit that names what the stations and targets do not show."""
-ROWS, FEWEST = 20_000, 100
+CANDIDATE_ROWS, FEWEST_CANDIDATES = 20_000, 100
 """Rows in which possible stations and targets are compared, and the least number of positions of each there."""
-LEAST = 10
+LEAST_POINTS_OF_STATION = 10
 """Least number of points of a station: its registration, and some that check it."""
 VISIBLE = 0.3
 """Largest standard uncertainty of a required effect, as a share of its typical size."""
@@ -111,7 +111,7 @@ class _Field:
     @property
     def least(self) -> int:
         """Least number of points of a station: more than it has unknowns of its own."""
-        return max(LEAST, self.registration // len(self.stations) + 1)
+        return max(LEAST_POINTS_OF_STATION, self.registration // len(self.stations) + 1)
 
     def selection(self, weight: float = 0.0) -> Selection:
         """An empty selection, with a weight on the variance of the required effects."""
@@ -153,7 +153,7 @@ def _all_of_set_ups(machine: Machine, found: _Field, chosen: np.ndarray) -> Plan
     assert found.state.target is not None
     pairs = np.char.add(np.char.add(found.state.station, " "), found.state.target)
     rows = np.flatnonzero(np.isin(pairs, pairs[chosen]))
-    return _unordered(machine, found.state.rows(rows[:: 1 + len(rows) // MANY]), found.stations, found.targets)
+    return _unordered(machine, found.state.rows(rows[:: 1 + len(rows) // NAMING_ROWS]), found.stations, found.targets)
 
 
 def _unordered(machine: Machine, state: State, stations: Stations, targets: Mapping[str, Target]) -> Plan:
@@ -181,7 +181,13 @@ def _set_ups(
     if len(places) == count and wanted == len(targets):
         return stations, targets
     progress(f"{count} of {len(places)} places of the instrument")
-    step = max(1, len(candidates) * len(places) * len(targets) // max(ROWS, FEWEST * len(places) * len(targets)))
+    step = max(
+        1,
+        len(candidates)
+        * len(places)
+        * len(targets)
+        // max(CANDIDATE_ROWS, FEWEST_CANDIDATES * len(places) * len(targets)),
+    )
     found = _field_of(machine, instrument, request, candidates[::step], stations, targets)
     number = request.points or int((request.minutes or 0.0) * 60.0 / _point_s(request))
     own = slice(found.registration, None)
@@ -211,7 +217,7 @@ def _field_of(
     seen = visible(machine, instrument, state, targets, stations, request.reach, request.obstacles)
     assert state.station is not None
     counts = {name: int(np.count_nonzero(seen[state.station == name])) for name in stations}
-    used = {name: place for name, place in stations.items() if counts[name] >= LEAST}
+    used = {name: place for name, place in stations.items() if counts[name] >= LEAST_POINTS_OF_STATION}
     _refuse_too_few(instrument, stations, used, request.stations or instrument.STATIONS)
     state = state.rows(np.flatnonzero(seen & np.isin(state.station, list(used))))
     columns = _columns(machine, instrument, request, _unordered(machine, state, used, targets))
@@ -226,7 +232,7 @@ def _refuse_too_few(instrument: Instrument, stations: Stations, used: Stations, 
     blind = [f"{x:g},{y:g},{z:g}" for name, (x, y, z) in stations.items() if name not in used]
     several = f" and {len(blind) - 3} more" if len(blind) > 3 else ""
     raise UserError(
-        f"the {instrument.kind()} observes none of the positions, or fewer than {LEAST}, from "
+        f"the {instrument.kind()} observes none of the positions, or fewer than {LEAST_POINTS_OF_STATION}, from "
         f"{'; '.join(blind[:3])}{several}: obstacles and the limits of the beam (--elevation, --incidence, --beam-mm) "
         f"leave {len(used)} of {len(stations)} places with a line of sight, and {wanted} are needed: give other places "
         "(--tracker)"
@@ -246,7 +252,11 @@ def _columns(machine: Machine, instrument: Instrument, request: Request, plan: P
 
 
 def equations_of(
-    columns: Columns, n: int, basis: str = BASIS, rotary_basis: str = ROTARY_BASIS, free: float = FREE
+    columns: Columns,
+    n: int,
+    basis: str = BASIS,
+    rotary_basis: str = ROTARY_BASIS,
+    free: float = PRIOR_REGISTRATION_INFORMATION,
 ) -> tuple[Array, Array, Array, dict[str, int]]:
     """F, P and B of `Selection`, and the columns of the amplitudes of effects besides the error motions.
 
@@ -342,7 +352,7 @@ def _chosen(found: _Field, number: int, request: Request, progress: Progress) ->
         selection = found.selection(weight if request.visible else 0.0)
         allowed = np.ones(len(found.state), bool)
         # the first points of a station tell nothing: choose as if some had been measured there
-        first = replace(selection, prior=selection.prior + found.evenly(LEAST))
+        first = replace(selection, prior=selection.prior + found.evenly(LEAST_POINTS_OF_STATION))
         for k, name in enumerate(found.stations, start=1):
             filled(first, k * found.least, np.equal(stations, name), done)
         filled(first, number, allowed, done)

@@ -15,7 +15,7 @@ import numpy as np
 from kinematics.state import State
 from kinematics.transforms import Array
 
-FREE = 1e-9
+FREE_REGISTRATION_SHARE = 1e-9
 """Information on the registration before the measurement, as a share of that of the measurement."""
 
 Names = tuple[str, ...]
@@ -54,7 +54,7 @@ class SetUps:
         if not seen:
             return np.zeros_like(self._prior)
         whole = np.sum(seen, axis=0)
-        own = whole[:k, :k] + FREE * np.trace(whole[:k, :k]) / k * np.eye(k)
+        own = whole[:k, :k] + FREE_REGISTRATION_SHARE * np.trace(whole[:k, :k]) / k * np.eye(k)
         return np.asarray(whole[k:, k:] - whole[k:, :k] @ np.linalg.solve(own, whole[:k, k:]))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.measurement.measurement import with_moves
 from calibration.measurement.plan import Choices, MeasuringSequence, Plan, Timing
-from calibration.planning.patterns import LARGEST
+from calibration.planning.patterns import MOST_PLANNED_POINTS
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -23,8 +23,10 @@ def measuring_plan(
 ) -> Plan:
     """The plan for the positions of a strategy; `reference` `(axes,)`, in file units, is the reference position."""
     observations = len(laid.positions) * len(choices.targets) * choices.runs
-    if observations > LARGEST:
-        raise UserError(f"{observations} observations with all targets and runs are more than the limit of {LARGEST}")
+    if observations > MOST_PLANNED_POINTS:
+        raise UserError(
+            f"{observations} observations with all targets and runs are more than the limit of {MOST_PLANNED_POINTS}"
+        )
     sequence = _ordered(laid, choices)
     if choices.references:
         sequence = _with_references(sequence, choices.references, reference)

@@ -21,7 +21,7 @@ UNKNOWN = 0.1
 """Standard deviation of the lean, rad, and of the scales, mm/mm, before any reading: nothing is known."""
 RULER = 1e-3
 """Standard uncertainty of the scale of a ruler without a statement, mm/mm."""
-SHARE = 0.8
+SIDE_SHARE_OF_TRAVEL = 0.8
 """Share of the travel that the sides have by default."""
 
 
@@ -47,7 +47,7 @@ class Corners:
             if name not in machine.names:
                 raise UserError(f"--plane {plane}: machine {machine.name} ({machine.chain}) has no axis {name}")
             first, last = machine.axes[machine.index(name)].travel
-            side = float(np.floor((last - first) * SHARE)) if size is None else size[k]
+            side = float(np.floor((last - first) * SIDE_SHARE_OF_TRAVEL)) if size is None else size[k]
             if not 0.0 < side <= last - first:
                 raise UserError(f"--size {side:g}: the side along {name} is above 0, and at most {last - first:g} mm")
             low.append(float(round((first + last - side) / 2.0)) if side < last - first else first)

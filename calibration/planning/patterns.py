@@ -11,7 +11,7 @@ import numpy as np
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-LARGEST = 5_000_000
+MOST_PLANNED_POINTS = 5_000_000
 """Largest number of points; a larger number is regarded as a mistake."""
 
 
@@ -169,7 +169,7 @@ def _once(positions: Array, line: np.ndarray) -> Points:
 
 
 def _check(points: float) -> None:
-    if points > LARGEST:
+    if points > MOST_PLANNED_POINTS:
         raise UserError(
-            f"a spacing that makes {points:.3g} points, more than the limit of {LARGEST}: choose a larger spacing"
+            f"a spacing that makes {points:.3g} points, more than the limit of {MOST_PLANNED_POINTS}: choose a larger spacing"
         )

@@ -31,11 +31,11 @@ LETTERS = {
     "random": "R", "space-filling": "Q",
 }  # fmt: skip
 """First letter of the names of points, by strategy."""
-DECIMALS = 3
+PLAN_DECIMALS = 3
 """Decimals of the positions, in mm and degrees."""
 SIDES_AND_DIAGONALS = ("AD", "BC", "AB", "DC", "AC", "BD")
 """Lengths of a rectangle whose corner A is at the low ends of both axes, and D at the high end of the first one."""
-WAVES = (3, 5, 7, 11, 13, 17)
+ROTARY_TRAVERSES = (3, 5, 7, 11, 13, 17)
 """Number of traverses of each rotary axis along the path if all axes move together; primes, so that they differ."""
 
 
@@ -212,7 +212,7 @@ def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) 
 
 
 def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
-    """Lower and upper ends `(axes,)` in file units, rounded inward to DECIMALS; infinite for axes without ends."""
+    """Lower and upper ends `(axes,)` in file units, rounded inward to `PLAN_DECIMALS`; infinite for axes without ends."""
     low, high = (machine.travel / machine.scale).copy()
     run_in = choices.overrun * (np.array([choices.approach == "positive", choices.approach == "negative"]))
     for i, axis in enumerate(machine.axes):
@@ -230,7 +230,7 @@ def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
         if first < last:
             low[i] = max(first, axis.travel[0] + run_in[0])
             high[i] = min(last, axis.travel[1] - run_in[1])
-    size = 10.0**DECIMALS
+    size = 10.0**PLAN_DECIMALS
     return np.ceil(low * size - 1e-6) / size + 0.0, np.floor(high * size + 1e-6) / size + 0.0
 
 
@@ -253,13 +253,13 @@ def fixed_positions(machine: Machine, choices: Choices) -> Array:
 
 
 def rounded(positions: Array, machine: Machine, choices: Choices) -> Array:
-    """Positions rounded to DECIMALS, inside the ends."""
-    return np.clip(np.round(positions, DECIMALS) + 0.0, *limits(machine, replace(choices, approach="any")))
+    """Positions rounded to `PLAN_DECIMALS`, inside the ends."""
+    return np.clip(np.round(positions, PLAN_DECIMALS) + 0.0, *limits(machine, replace(choices, approach="any")))
 
 
 def _waves(n: int, axes: int) -> Array:
     """Triangular waves `(n, axes)` between 0 and 1, with a different number of traverses for each axis."""
-    phase = np.arange(n)[:, None] / max(n - 1, 1) * np.array(WAVES[:axes])
+    phase = np.arange(n)[:, None] / max(n - 1, 1) * np.array(ROTARY_TRAVERSES[:axes])
     return np.asarray(1.0 - np.abs(1.0 - phase % 2.0))
 
 
@@ -294,8 +294,8 @@ def _check(machine: Machine, choices: Choices, points: int | Sequence[int] | Non
         raise UserError("either a number of points or a spacing, not both: give one of them")
     if points is not None and not np.size(points):
         raise UserError("points: the list is empty: give the number of positions of each strategy")
-    if points is not None and not 1 <= np.min(points) <= np.max(points) <= patterns.LARGEST:
-        raise UserError(f"{points} points: expected a number from 1 to {patterns.LARGEST}")
+    if points is not None and not 1 <= np.min(points) <= np.max(points) <= patterns.MOST_PLANNED_POINTS:
+        raise UserError(f"{points} points: expected a number from 1 to {patterns.MOST_PLANNED_POINTS}")
     if spacing is not None and not (spacing > 0 and np.isfinite(spacing)):
         raise UserError(f"a spacing of {spacing:g} mm: it must be positive")
     bounds = {

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.measurement.measurement import STANDSTILL, Measurement
+from calibration.measurement.measurement import STANDSTILL_RANGE, Measurement
 from calibration.plausibility.recording_mistakes import Reversed
 from kinematics.machine import split_chain
 
-SAME = 1e-6
+SAME_NOMINAL_MM = 1e-6
 """Distance, mm, up to which the nominal points of two chains are the same."""
 
 
@@ -25,7 +25,7 @@ def other_chains(measurement: Measurement) -> Reversed:
     """
     machine = measurement.machine
     links = machine.chain.split()[1:-1]
-    moving = np.ptp(measurement.state.positions / machine.scale, axis=0) > STANDSTILL
+    moving = np.ptp(measurement.state.positions / machine.scale, axis=0) > STANDSTILL_RANGE
     known = [measurement.nominal_points]
     for axis, moves in zip(machine.axes, moving.tolist(), strict=True):
         others = [link for link in links if link != axis.name]
@@ -33,7 +33,7 @@ def other_chains(measurement: Measurement) -> Reversed:
             chain = f"w {' '.join([*others[:place], axis.name, *others[place:]])} t"
             other = _in_order(measurement, chain)
             points = other.nominal_points
-            if all(np.abs(points - each).max() > SAME for each in known):
+            if all(np.abs(points - each).max() > SAME_NOMINAL_MM for each in known):
                 known.append(points)
                 by = f"with the axes in the order {chain}"
                 yield f"{by} (the machine's file has {machine.chain}: check it against the machine)", other

@@ -20,7 +20,7 @@ from calibration.plausibility.finding import Finding
 from calibration.plausibility.lengths import length_mistakes
 from calibration.plausibility.misfit import centred
 from calibration.plausibility.mistakes import FALLS, SUSPICIOUS, gross_mistakes, noted_mistakes
-from calibration.plausibility.motion import LEAST, clock_lag, read_back
+from calibration.plausibility.motion import LEAST_ROWS_OF_RELATION, clock_lag, read_back
 from calibration.plausibility.ranges import misstated_stations, unlocated_stations
 from calibration.plausibility.repeated_positions import position_numbers
 from calibration.plausibility.spheres import sphere_notes
@@ -28,18 +28,18 @@ from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-LEAST_POSITIONS = 5
+LEAST_COMMON_STATES = 5
 """Least number of measurement states common to all runs for a comparison of the first run with the others."""
 SLOPE = 1e-3
 """Deviation per travel above which the cause is not an axis."""
-SIGNIFICANCE = 1e-3
-BACK = 0.1
+FALSE_REFUSAL_PROBABILITY = 1e-3
+BACKWARD_TIME_SHARE = 0.1
 """Share of rows with an earlier time than the row before, above which the rows are not in the order of time."""
 HOT = 200.0
 """Temperature, degC, above which a column is in another unit: kelvin, or hundredths."""
-FAR = 1000.0
+LONGEST_TOOL_MM = 1000.0
 """Distance of a target from the tool reference point that is possible on every machine, mm."""
-SMALL = 0.05
+DOUBTED_TRAVEL_SHARE = 0.05
 """Share of the travel of linear axes below which their unit is questioned."""
 
 
@@ -97,7 +97,7 @@ def _order(measurement: Measurement) -> Iterator[Finding]:
     """Rows that are not in the order of time, from which the direction of approach follows."""
     time = measurement.state.time
     back = 0 if time is None else int(np.count_nonzero(np.diff(time) < 0.0))
-    if len(measurement) >= LEAST and back > BACK * len(measurement):
+    if len(measurement) >= LEAST_ROWS_OF_RELATION and back > BACKWARD_TIME_SHARE * len(measurement):
         yield Finding(
             "order",
             f"time decreases at {back} of {len(measurement)} rows: they are not in the order of acquisition, from "
@@ -122,7 +122,7 @@ def _dead(measurement: Measurement) -> Iterator[Finding]:
     if measurement.instrument.OBSERVES == "offset":
         return
     moved = np.ptp(measurement.state.positions, axis=0).any()
-    if moved and len(measurement) >= LEAST and not np.ptp(measurement.observed, axis=0).any():
+    if moved and len(measurement) >= LEAST_ROWS_OF_RELATION and not np.ptp(measurement.observed, axis=0).any():
         yield Finding(
             "constant",
             f"all {len(measurement)} observations are the same although the axes move: the instrument did not measure, "
@@ -134,7 +134,7 @@ def _dead(measurement: Measurement) -> Iterator[Finding]:
 def _far_targets(measurement: Measurement) -> Iterator[Finding]:
     """Targets too far from the tool reference point for a tool: the points of a single target do not show this."""
     machine = measurement.machine
-    reach = max(FAR, float(np.ptp(machine.travel, axis=0)[~machine.rotary].max(initial=0.0)))
+    reach = max(LONGEST_TOOL_MM, float(np.ptp(machine.travel, axis=0)[~machine.rotary].max(initial=0.0)))
     for name, target in measurement.targets.items():
         away = float(np.linalg.norm(target.position))
         if target.known and away > reach:
@@ -176,7 +176,7 @@ def _files(measurement: Measurement) -> list[Measurement]:
     if measurement.file is None or measurement.axis is not None:
         return []
     names, counts = np.unique(measurement.file, return_counts=True)
-    own = [name for name, count in zip(names.tolist(), counts.tolist(), strict=True) if count >= LEAST]
+    own = [name for name, count in zip(names.tolist(), counts.tolist(), strict=True) if count >= LEAST_ROWS_OF_RELATION]
     parts = [measurement.rows(np.flatnonzero(measurement.file == name)) for name in own if len(names) > 1]
     return [_with_own_targets(part) for part in parts]
 
@@ -210,7 +210,7 @@ def _small_volume(measurement: Measurement) -> Iterator[Finding]:
     machine = measurement.machine
     span, travel = np.ptp(measurement.state.positions, axis=0), np.ptp(machine.travel, axis=0)
     moving = np.flatnonzero((span > 0.0) & ~machine.rotary)
-    if len(moving) > 1 and np.all(span[moving] < SMALL * travel[moving]):
+    if len(moving) > 1 and np.all(span[moving] < DOUBTED_TRAVEL_SHARE * travel[moving]):
         names = ", ".join(machine.names[i] for i in moving)
         share = float(np.max(span[moving] / travel[moving]))
         yield Finding(
@@ -256,7 +256,11 @@ def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
     k, dof = later.shape[1], later[:, 0].size
     first = float(np.mean((cells[:, 0] - middle[:, 0]) ** 2)) / (1.0 + 1.0 / k)
     scatter = float(np.sum((later - middle) ** 2)) / (dof * (k - 1))
-    if scatter > 0.0 and special.fdtrc(dof, dof * (k - 1), first / scatter) < SIGNIFICANCE and first > FALLS * scatter:
+    if (
+        scatter > 0.0
+        and special.fdtrc(dof, dof * (k - 1), first / scatter) < FALSE_REFUSAL_PROBABILITY
+        and first > FALLS * scatter
+    ):
         unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
         yield Finding(
             "first cycle",
@@ -281,7 +285,7 @@ def _by_run(measurement: Measurement) -> Array | None:
     np.add.at(count, (numbers, run), 1.0)
     np.add.at(sums, (numbers, run), measurement.observed * measurement.per_micro)
     shared = count.all(axis=1)
-    if len(names) < 3 or shared.sum() < LEAST_POSITIONS:
+    if len(names) < 3 or shared.sum() < LEAST_COMMON_STATES:
         return None
     cells = np.asarray(sums[shared] / count[shared][:, :, None])
     if measurement.axis is not None:

@@ -20,19 +20,19 @@ from calibration.plausibility.finding import Finding
 from kinematics.files.number_text import rounded
 from kinematics.transforms import Array
 
-OFF = 0.05
+IMPOSSIBLE_LENGTH_SHARE = 0.05
 """Difference of a length from its positions, as a share, that no machine in use has."""
-NEAR = 0.02
+EXPLAINED_DIFFERENCE = 0.02
 """Difference, as a share, within which a factor or another pair of positions explains a length."""
 UNITS = {25.4: "inches", 10.0: "cm", 1000.0: "m"}
 """Units of lengths, mm, that people mix up."""
 BENT_MM, BENT_PER_MM = 0.1, 5e-4
 """Errors of a machine besides scales and angles that are no contradiction: mm, and mm per mm of length."""
-CONTRADICTED = 1e-4
+CONTRADICTING_LENGTHS_P = 1e-4
 """p of chi2 below which lengths contradict each other."""
-APART = 12.0
+BLAMED_CHI2 = 12.0
 """Difference of chi2 from which one length is to blame, and no other."""
-SAME_MM = 1e-6
+SAME_LENGTH_END_MM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ def _name(measurement: Measurement, row: int) -> str:
 def _wrong_sizes(lengths: _Lengths) -> Iterator[str]:
     """Lengths that are not those of their positions, each with its likely cause."""
     ratios = lengths.measured / lengths.nominal
-    off = np.flatnonzero(np.abs(ratios - 1.0) > OFF).tolist()
+    off = np.flatnonzero(np.abs(ratios - 1.0) > IMPOSSIBLE_LENGTH_SHARE).tolist()
     for factor, unit in UNITS.items():
-        if len(off) == len(ratios) > 0 and np.all(np.abs(ratios * factor - 1.0) < NEAR):
+        if len(off) == len(ratios) > 0 and np.all(np.abs(ratios * factor - 1.0) < EXPLAINED_DIFFERENCE):
             k = off[0]
             yield (
                 f"{lengths.labels[k]}: {lengths.measured[k]:g} between positions {rounded(lengths.nominal[k], 5)} mm "
@@ -132,7 +132,9 @@ def _wrong_sizes(lengths: _Lengths) -> Iterator[str]:
             )
             return
     for k in off:
-        alike = [j for j in range(len(ratios)) if abs(lengths.measured[k] / lengths.nominal[j] - 1.0) < NEAR]
+        alike = [
+            j for j in range(len(ratios)) if abs(lengths.measured[k] / lengths.nominal[j] - 1.0) < EXPLAINED_DIFFERENCE
+        ]
         others = " or ".join(dict.fromkeys(lengths.names[j] for j in alike))
         hint = (
             f"it fits the positions of {others}: are the positions of two rows exchanged?"
@@ -161,10 +163,10 @@ def _contradiction(lengths: _Lengths) -> str:
     """Statement that lengths contradict each other, with those that may be wrong; empty where they do not."""
     every = np.arange(len(lengths.names))
     chi2, spare, _ = _chi2(lengths, every)
-    if not spare or special.chdtrc(spare, chi2) > CONTRADICTED:
+    if not spare or special.chdtrc(spare, chi2) > CONTRADICTING_LENGTHS_P:
         return ""
     left = np.array([_chi2(lengths, np.delete(every, k))[0] for k in every])
-    blamed = np.flatnonzero(left < left.min() + APART).tolist()
+    blamed = np.flatnonzero(left < left.min() + BLAMED_CHI2).tolist()
     worst = int(np.argmin(left))
     if len(blamed) == 1:
         found = _chi2(lengths, np.delete(every, worst))[2]

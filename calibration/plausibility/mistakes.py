@@ -31,7 +31,7 @@ SUSPICIOUS = 0.3
 """RMS residual, mm, below which no mistake is searched for."""
 HOPELESS = 5.0
 """Median residual, mm, above which the data cannot belong to the machine if no mistake explains it."""
-ROWS = 1500
+MOST_MISTAKE_ROWS = 1500
 """Largest number of rows, chosen at random, in the search for mistakes."""
 BETTER = 2.0
 """Factor by which the residual must fall with other readings, or with a smaller mistake that is noted."""
@@ -109,7 +109,7 @@ MISTAKES: Sequence[Sequence[Mistake]] = (
         Mistake(
             "spheres",
             spheres.moved_tip,
-            lambda each: _of_single_tip(each) and len(each) >= 2 * spheres.LEAST,
+            lambda each: _of_single_tip(each) and len(each) >= 2 * spheres.LEAST_ROWS_AROUND_MOVE,
             "Measure again",
         ),
     ),
@@ -159,8 +159,8 @@ def explained(
 def gross_mistakes(measurement: Measurement) -> Iterator[Finding]:
     """Findings: mistakes that explain the points; otherwise stations that do not fit."""
     rows = np.arange(len(measurement))
-    if len(rows) > ROWS:
-        rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
+    if len(rows) > MOST_MISTAKE_ROWS:
+        rows = np.sort(np.random.default_rng(0).choice(rows, MOST_MISTAKE_ROWS, replace=False))
     some = measurement.rows(rows)
     before, tied = _wrong_readings(some)
     if not tied:

@@ -12,7 +12,7 @@ from calibration.plausibility.misfit import centred, misfit
 from calibration.plausibility.mistakes import FALLS, PLAUSIBLE, TIED
 from kinematics.transforms import Array
 
-LEAST = 10
+LEAST_ROWS_OF_RELATION = 10
 """Least number of rows for the search for a relation between columns."""
 RELATED = 0.7
 """Correlation above which two columns are related."""
@@ -28,7 +28,7 @@ def clock_lag(measurement: Measurement) -> Iterator[Finding]:
     if velocity is None:
         return
     moving = np.flatnonzero(velocity.any(axis=1))
-    if len(moving) < LEAST:
+    if len(moving) < LEAST_ROWS_OF_RELATION:
         return
     part = measurement.rows(moving)
     residual, registration = misfit(part)
@@ -72,7 +72,7 @@ def read_back(measurement: Measurement) -> Iterator[Finding]:
         apart = measurement.actual[:, i] - state.positions[:, i]
         rows = np.isfinite(apart) & along[:, :, i].any(axis=1)
         rms = float(np.sqrt(np.mean(apart[rows] ** 2))) if rows.any() else 0.0
-        if rows.sum() < LEAST or rms < (NOTICED_RAD if axis.rotary else NOTICED_MM):
+        if rows.sum() < LEAST_ROWS_OF_RELATION or rms < (NOTICED_RAD if axis.rotary else NOTICED_MM):
             continue
         small, unit = (1e6, "urad") if axis.rotary else (1e3, "um")
         own = np.einsum("nd,nd->n", residual, along[:, :, i])[rows] / np.sum(along[rows, :, i] ** 2, axis=1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.instruments.of_points import IN_LINE, width
+from calibration.instruments.of_points import LINE_RMS_MM, width
 from calibration.instruments.ranging.multilateration import LARGEST_MM
 from calibration.instruments.ranging.ranging import dead_lengths, least_rows, stations_of
 from calibration.measurement.measurement import Measurement
@@ -17,11 +17,11 @@ from kinematics.transforms import Array
 
 STATION_MM = 300.0
 """Distance of a station from where it is stated, mm, from which the statement is wrong: a rough guess is nearer."""
-DEAD_MM = 1.0
+DOUBTED_DEAD_LENGTH_MM = 1.0
 """Difference of a dead length from the stated one, mm, that no machine in use imitates."""
-ROUNDS = 5
+MOST_BREAK_PLACEMENTS = 5
 """Most times that a break is placed again, with the stations registered without it."""
-ENDS = 3
+RANGES_BESIDE_BREAK = 3
 """Least number of ranges before and behind a break: fewer are outliers."""
 
 
@@ -39,7 +39,7 @@ def unlocated_stations(measurement: Measurement) -> Iterator[Finding]:
                 "located: measure more positions, or give fewer names in the column run",
                 True,
             )
-        elif width(points[mine]) < IN_LINE:
+        elif width(points[mine]) < LINE_RMS_MM:
             yield Finding(
                 "station",
                 f"{where}: all targets of station {station} lie on one line, about which its place is open: measure "
@@ -86,7 +86,7 @@ def _misstated_dead(measurement: Measurement) -> Iterator[Finding]:
     registration, _ = measurement.first_registration
     for name, length in stated.items():
         off = registration.zeros[name] - length
-        if abs(off) > max(DEAD_MM, 5e-3 * (own.dead_u_um or 0.0)):
+        if abs(off) > max(DOUBTED_DEAD_LENGTH_MM, 5e-3 * (own.dead_u_um or 0.0)):
             row = int(np.argmax(names == name))
             yield Finding(
                 "run",
@@ -104,10 +104,10 @@ def broken_beams(measurement: Measurement) -> Iterator[tuple[str, Measurement]]:
     names = dead_lengths(measurement)
     for name in np.unique(names).tolist():
         mine = np.flatnonzero(names == name)
-        if len(mine) < 2 * ENDS:
+        if len(mine) < 2 * RANGES_BESIDE_BREAK:
             continue
         other, first, total = measurement, -1, 0.0
-        for _ in range(ROUNDS):
+        for _ in range(MOST_BREAK_PLACEMENTS):
             off = misfit(other)[0][mine, 0]
             row, jump = _largest_jump(off if first < 0 else off + np.where(np.arange(len(mine)) >= first, total, 0.0))
             settled, first, total = row == first, row, jump
@@ -128,7 +128,7 @@ def broken_beams(measurement: Measurement) -> Iterator[tuple[str, Measurement]]:
 
 def _largest_jump(off: Array) -> tuple[int, float]:
     """The first row behind the jump that explains most of residuals `(m,)`, and its size, mm."""
-    m = np.arange(ENDS, len(off) - ENDS + 1)
+    m = np.arange(RANGES_BESIDE_BREAK, len(off) - RANGES_BESIDE_BREAK + 1)
     sums = np.cumsum(off)
     before, behind = sums[m - 1] / m, (sums[-1] - sums[m - 1]) / (len(off) - m)
     best = int(np.argmax(m * (len(off) - m) * (behind - before) ** 2))

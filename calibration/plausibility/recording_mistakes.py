@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from calibration.measurement.measurement import STANDSTILL, Measurement, Target
+from calibration.measurement.measurement import STANDSTILL_RANGE, Measurement, Target
 from calibration.observation.normal_equations import residuals
 from calibration.plausibility.misfit import misfit
 from calibration.registration.observed_points import carried
@@ -25,11 +25,11 @@ Reversed = Iterator[tuple[str, Measurement]]
 
 FACTORS = {25.4: "inch and mm", 1 / 25.4: "inch and mm", 1e3: "m, mm or um", 1e-3: "m, mm or um"}
 """Factors of wrong units, and the units that were confused."""
-NEAR = 5e-3
+SCALE_DIFFERENCE = 5e-3
 """Largest relative difference of a scale from one of these factors."""
-SCALE = 1e-3
+LARGEST_MACHINE_SCALE = 1e-3
 """Relative scale error above which the cause is not the machine."""
-ROUNDS = 8
+MOST_MISTAKE_ROUNDS = 8
 """Largest number of iterations of the registration and the position of a target."""
 SOME = 0.1
 """Least share of the rows of two targets that are exchanged at a moment, or are not."""
@@ -38,7 +38,11 @@ SOME = 0.1
 def other_units(measurement: Measurement) -> Reversed:
     """Points or linear axes in another unit; points in any other scale."""
     scale = _scale(measurement)
-    if scale is not None and abs(scale - 1.0) > SCALE and all(abs(scale / known - 1.0) > NEAR for known in FACTORS):
+    if (
+        scale is not None
+        and abs(scale - 1.0) > LARGEST_MACHINE_SCALE
+        and all(abs(scale / known - 1.0) > SCALE_DIFFERENCE for known in FACTORS)
+    ):
         by = f"with the points divided by {scale:.6g} (a scale {100 * (scale - 1):+.3g} % off)"
         yield by, replace(measurement, observed=measurement.observed / scale)
     for factor, mixed in FACTORS.items():
@@ -99,7 +103,7 @@ def mirrored_points(measurement: Measurement) -> Reversed:
 def _moving(measurement: Measurement) -> list[int]:
     """Numbers of the axes that move."""
     q = measurement.state.positions / measurement.machine.scale
-    return np.flatnonzero(np.ptp(q, axis=0) > STANDSTILL).tolist()
+    return np.flatnonzero(np.ptp(q, axis=0) > STANDSTILL_RANGE).tolist()
 
 
 def exchanged_axes(measurement: Measurement) -> Reversed:
@@ -190,7 +194,7 @@ def misplaced(measurement: Measurement) -> Reversed:
     """
     for name, target in known_targets(measurement).items():
         other = measurement
-        for _ in range(ROUNDS):
+        for _ in range(MOST_MISTAKE_ROUNDS):
             residual, registration = misfit(other)
             rows = measurement.target_number == list(measurement.targets).index(name)
             directions = (registration.rotations(other) @ carried(other))[rows, : residual.shape[1]]

@@ -6,14 +6,14 @@ import numpy as np
 
 from calibration.measurement.measurement import Measurement
 
-DIGITS = 6
+STATE_DECIMALS = 6
 """Decimals, mm or degrees, to which commanded positions are rounded; equal ones are the same state."""
 
 
 def position_numbers(measurement: Measurement) -> np.ndarray:
     """Number `(n,)` from 0 of the measurement state of each row."""
     state = measurement.state
-    columns = [np.round(state.positions / measurement.machine.scale, DIGITS) + 0.0]
+    columns = [np.round(state.positions / measurement.machine.scale, STATE_DECIMALS) + 0.0]
     if state.approach is not None:
         columns.append(state.approach)
     if measurement.feed is not None:

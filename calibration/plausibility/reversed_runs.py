@@ -13,17 +13,17 @@ import numpy as np
 from calibration.measurement.measurement import Measurement
 from kinematics.transforms import Array
 
-ROWS = 12
+LEAST_ROWS_OF_RUN = 12
 """Least number of rows of a run that is compared."""
 SAME_PLANE = 0.99
 """Cosine of the angle between the normals of two runs from which they are in one plane."""
 FULL = 0.05
 """Length of the mean of the unit vectors from the centre below which a run is a full circle."""
-LEAST_MM = 5e-3
+EXAMINED_DISTANCE_MM = 5e-3
 """Distance of the centres of runs, mm, from which their order is examined: less may be a drift."""
 AGREE = 0.1
 """Largest distance of the centres in the right order, as a share of that in the order of the file."""
-CERTAIN = 3
+REFUSED_RUNS = 3
 """Least number of runs for a refusal: with two a shift between them may look alike."""
 
 
@@ -39,7 +39,7 @@ def reversed_runs(measurement: Measurement, arms: Array) -> tuple[str, bool]:
         plane = [run for run in left if abs(run.normal @ left[0].normal) > SAME_PLANE]
         message = _in_one_plane([run for run in plane if run.full])
         if message:
-            return message, len(plane) >= CERTAIN
+            return message, len(plane) >= REFUSED_RUNS
         left = [run for run in left[1:] if abs(run.normal @ left[0].normal) <= SAME_PLANE]
     return "", False
 
@@ -61,7 +61,7 @@ class _Run(NamedTuple):
         rows = np.flatnonzero(measurement.run == name)
         own, readings = unit[rows], measurement.observed[rows, 0]
         normal = np.cross(own[:-1], own[1:]).sum(axis=0)
-        full = len(rows) >= ROWS and float(np.linalg.norm(own.mean(axis=0))) < FULL
+        full = len(rows) >= LEAST_ROWS_OF_RUN and float(np.linalg.norm(own.mean(axis=0))) < FULL
         length = max(float(np.linalg.norm(normal)), 1e-12)
         return cls(name, normal / length, full, _centre(own, readings), _centre(own, readings[::-1]))
 
@@ -76,7 +76,11 @@ def _in_one_plane(runs: list[_Run]) -> str:
     sets += [backwards] if backwards.any() else []
     before = _spread(as_read)
     found = min(sets, key=lambda some: _spread(np.where(some[:, None], turned, as_read)), default=None)
-    if found is None or before < LEAST_MM or _spread(np.where(found[:, None], turned, as_read)) > AGREE * before:
+    if (
+        found is None
+        or before < EXAMINED_DISTANCE_MM
+        or _spread(np.where(found[:, None], turned, as_read)) > AGREE * before
+    ):
         return ""
     own, others = (
         ", ".join(run.name for run, mine in zip(runs, part, strict=True) if mine) for part in (found, ~found)

@@ -11,18 +11,18 @@ import numpy as np
 from calibration.measurement.measurement import Measurement, Target
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import centred, misfit
-from calibration.plausibility.recording_mistakes import ROUNDS, Reversed, with_positions
-from calibration.registration.first import ASTRAY
+from calibration.plausibility.recording_mistakes import MOST_MISTAKE_ROUNDS, Reversed, with_positions
+from calibration.registration.first import ASTRAY_MEDIANS
 from calibration.registration.observed_points import carried
 from kinematics.transforms import Array
 
-APART_MM = 5.0
+DOUBTED_CENTRE_MM = 5.0
 """Distance of a sphere's centre from its stated position, mm, from which one of the two is doubted."""
-ZERO = np.deg2rad(0.01)
+NOTED_ZERO_RAD = np.deg2rad(0.01)
 """Least shift of the zero of a rotary axis, rad, that is noted: six times the expected tilts of lines."""
-SEEN = 0.1
+ZERO_SEEN_SHARE = 0.1
 """Share of the largest sensitivity to a rotary axis' zero, per rad, below which the spheres do not show one."""
-LEAST = 3
+LEAST_ROWS_AROUND_MOVE = 3
 """Least number of rows before and behind the moment at which a sphere moved."""
 
 
@@ -31,7 +31,7 @@ def moved_spheres(measurement: Measurement) -> Reversed:
     residual, _ = misfit(measurement)
     for sphere in np.unique(measurement.groups).tolist():
         rows = np.flatnonzero(measurement.groups == sphere)
-        if len(rows) < 2 * LEAST:
+        if len(rows) < 2 * LEAST_ROWS_AROUND_MOVE:
             continue
         first = rows[moment(residual[rows])[0]]
         behind = rows[rows >= first]
@@ -52,7 +52,7 @@ def moved_tip(measurement: Measurement) -> Reversed:
     residual, registration = misfit(measurement)
     directions = (registration.rotations(measurement) @ carried(measurement))[:, : residual.shape[1]]
     off, gains = centred(measurement, residual).reshape(-1), {}
-    for first in range(LEAST, n - LEAST + 1):
+    for first in range(LEAST_ROWS_AROUND_MOVE, n - LEAST_ROWS_AROUND_MOVE + 1):
         behind = np.where((np.arange(n) >= first)[:, None, None], directions, 0.0).reshape(n, -1)
         columns = centred(measurement, behind).reshape(-1, 3)
         shift, *_ = np.linalg.lstsq(columns, off, rcond=None)
@@ -86,11 +86,11 @@ def _sphere_notes(measurement: Measurement) -> Iterator[str]:
     residual, registration = misfit(measurement)
     centres = registration.sphere_centres
     lengths = np.linalg.norm(residual, axis=1)
-    astray = np.flatnonzero(lengths > max(1.0, ASTRAY * float(np.median(lengths))))
+    astray = np.flatnonzero(lengths > max(1.0, ASTRAY_MEDIANS * float(np.median(lengths))))
     for row in astray.tolist():
         own = str(measurement.groups[row])
         others = {name: residual[row] - centres[own] + centres[name] for name in centres if name != own}
-        near = [name for name, off in others.items() if np.linalg.norm(off) < APART_MM]
+        near = [name for name, off in others.items() if np.linalg.norm(off) < DOUBTED_CENTRE_MM]
         where = f": it is in sphere {near[0]}. Correct the name of the sphere" if near else ""
         yield f"{measurement.where(row)}: the tip is {lengths[row]:.4g} mm from the centre of sphere {own}{where}"
     for name, centre in centres.items():
@@ -98,15 +98,15 @@ def _sphere_notes(measurement: Measurement) -> Iterator[str]:
         if stated is None:
             continue
         apart = float(np.linalg.norm(centre - stated))
-        if apart > APART_MM:
-            here = [other for other, own in centres.items() if np.linalg.norm(own - stated) < APART_MM]
+        if apart > DOUBTED_CENTRE_MM:
+            here = [other for other, own in centres.items() if np.linalg.norm(own - stated) < DOUBTED_CENTRE_MM]
             there = f", where sphere {here[0]} is" if here else ""
             yield (
                 f"sphere {name} is at {_mm(centre)} by the data, {apart:.4g} mm from its stated position{there}: check "
                 "the length of the probe, the columns and the header (workpiece frame with all axes at 0)"
             )
     for one, other in pairwise(sorted(centres)):
-        if np.linalg.norm(centres[one] - centres[other]) < APART_MM:
+        if np.linalg.norm(centres[one] - centres[other]) < DOUBTED_CENTRE_MM:
             yield f"spheres {one} and {other} are at the same position: are they one sphere?"
 
 
@@ -117,16 +117,16 @@ def shifted_zeros(measurement: Measurement) -> Reversed:
     """
     machine, other = measurement.machine, measurement
     shift = np.zeros(len(machine.axes))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_MISTAKE_ROUNDS):
         residual, registration = misfit(other)
         slopes = other.instrument.by_axes(other, registration) * machine.rotary
         slopes = centred(other, slopes.reshape(len(other), -1)).reshape(-1, len(shift))
         sizes = np.linalg.norm(slopes, axis=0)
-        seen = (sizes > SEEN * sizes.max()) & (sizes > 0.0)
+        seen = (sizes > ZERO_SEEN_SHARE * sizes.max()) & (sizes > 0.0)
         step, *_ = np.linalg.lstsq(slopes[:, seen], centred(other, residual).reshape(-1))
         shift[seen] += step
         other = with_positions(measurement, measurement.state.positions + shift)
-    own = np.abs(shift) >= ZERO
+    own = np.abs(shift) >= NOTED_ZERO_RAD
     if own.any():
         zeros = " and ".join(
             f"{machine.names[i]} shifted by {np.degrees(shift[i]):+.3f} deg" for i in np.flatnonzero(own)
@@ -138,7 +138,7 @@ def shifted_zeros(measurement: Measurement) -> Reversed:
         yield by, with_positions(measurement, measurement.state.positions + np.where(own, shift, 0.0))
 
 
-def moment(residual: Array, least: int = LEAST) -> tuple[int, float]:
+def moment(residual: Array, least: int = LEAST_ROWS_AROUND_MOVE) -> tuple[int, float]:
     """The row of residuals `(n, 3)` from which on another mean explains most, and the squares that it explains.
 
     least: number of rows from both ends.

@@ -13,10 +13,10 @@ LEAST_S = 600.0
 """Least duration of a pause, s: a machine tool's time constants begin at some minutes."""
 LONGER = 10.0
 """Least duration of a pause, as a multiple of the time that most steps between stops do not exceed."""
-USUAL = 0.9
+USUAL_QUANTILE = 0.9
 """Quantile of the steps between stops that are usual."""
-LISTED = 3
-REPEATED = 0.1
+LISTED_TIMES = 3
+REPEATED_TIME_SHARE = 0.1
 """Share of the stops with the time of the stop before above which the clock is too coarse."""
 
 
@@ -27,7 +27,7 @@ def pauses(measurement: Measurement) -> np.ndarray:
         return np.zeros(0, int)
     steps = np.diff(time)
     moved = np.diff(measurement.stops) > 0
-    usual = float(np.quantile(steps[moved], USUAL)) if moved.any() else np.inf
+    usual = float(np.quantile(steps[moved], USUAL_QUANTILE)) if moved.any() else np.inf
     return np.flatnonzero(steps > max(LEAST_S, LONGER * usual)) + 1
 
 
@@ -41,7 +41,7 @@ def repeated_times(measurement: Measurement) -> Iterator[Finding]:
         return
     first = np.unique(measurement.stops, return_index=True)[1]
     same = int(np.count_nonzero(np.diff(time[first]) == 0.0))
-    if same > REPEATED * len(first):
+    if same > REPEATED_TIME_SHARE * len(first):
         step = float(np.median(np.diff(np.unique(time))))
         yield Finding(
             "times",
@@ -58,9 +58,10 @@ def paused(measurement: Measurement) -> Iterator[Finding]:
     if time is None or not len(rows):
         return
     lengths = [
-        f"{(time[row] - time[row - 1]) / 60.0:.3g} min before {measurement.where(int(row))}" for row in rows[:LISTED]
+        f"{(time[row] - time[row - 1]) / 60.0:.3g} min before {measurement.where(int(row))}"
+        for row in rows[:LISTED_TIMES]
     ]
-    more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
+    more = f" and {len(rows) - LISTED_TIMES} more" if len(rows) > LISTED_TIMES else ""
     yield Finding(
         "times",
         f"the measurement paused for {', '.join(lengths)}{more}: the thermal state of the machine, and the pose of the "

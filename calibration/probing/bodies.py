@@ -19,9 +19,9 @@ from kinematics.forward import forward
 from kinematics.machine import Machine, Vector
 from kinematics.transforms import Array
 
-SHORTEST_MM = 0.02
+SHORTEST_PART_MM = 0.02
 """Path, mm, below which a part of a move is not divided any further."""
-ALONG = 9
+POINTS_OF_PROBE_PART = 9
 """Number of points along each part of the probe whose distances from the table are calculated."""
 
 
@@ -127,11 +127,11 @@ class Bodies:
     def _above_table(self, probe: Capsules) -> Array:
         """Least distance `(n,)`, mm, of the probe from the table below the stems, less half a step along the probe."""
         table = self.table
-        share = np.linspace(0.0, 1.0, ALONG)[:, None]
+        share = np.linspace(0.0, 1.0, POINTS_OF_PROBE_PART)[:, None]
         points = probe.start[:, :, None] + share * (probe.end - probe.start)[:, :, None]
         beside = np.maximum(np.linalg.norm((points - table.middle)[..., :2], axis=-1) - table.edge, 0.0)
         apart = np.hypot(beside, np.maximum(points[..., 2] - table.middle[2], 0.0)).min(axis=2)
-        step = np.linalg.norm(probe.end - probe.start, axis=2) / (ALONG - 1)
+        step = np.linalg.norm(probe.end - probe.start, axis=2) / (POINTS_OF_PROBE_PART - 1)
         return np.asarray((apart - step / 2.0 - probe.radius).min(axis=1))
 
     @property
@@ -166,7 +166,7 @@ class Bodies:
 
 
 def least_clearance(bodies: Bodies, start: Array, end: Array, touched: np.ndarray, margin: float) -> Array:
-    """Lower bound `(n,)`, mm, of the clearance along straight moves, exact to SHORTEST_MM / 2 where it is below margin.
+    """Lower bound `(n,)`, mm, of the clearance along straight moves, exact to `SHORTEST_PART_MM` / 2 where it is below margin.
 
     start, end: axis positions `(n, axes)`, mm and rad. Parts of moves whose bound is not yet above the margin are
     halved until they are short.
@@ -178,7 +178,7 @@ def least_clearance(bodies: Bodies, start: Array, end: Array, touched: np.ndarra
     while len(of):
         path = bodies.paths(low, high)
         bound = (at_low + at_high - path) / 2.0
-        done = (bound >= margin) | (path < SHORTEST_MM) | (np.minimum(at_low, at_high) < margin)
+        done = (bound >= margin) | (path < SHORTEST_PART_MM) | (np.minimum(at_low, at_high) < margin)
         least = np.where(bound >= margin, bound, np.minimum(bound, np.minimum(at_low, at_high)))
         np.minimum.at(found, of[done], least[done])
         rows = np.flatnonzero(~done & (found[of] >= margin))

@@ -18,18 +18,18 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from rendering.shown import Shown
 
-STEPS = 6
+CENTRE_STEPS = 6
 """Gauss-Newton steps: the start is near."""
-FAR_MM = 10.0
+FAR_FROM_PLAN_MM = 10.0
 """Largest distance of a centre from its planned position, mm."""
-OFF, LEAST_MM = 8.0, 0.01
+OFF_SPHERE_SCATTERS, OFF_SPHERE_MM = 8.0, 0.01
 """A contact is off its sphere beyond so many times the scatter of all, and beyond a distance, mm."""
 SCATTER = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
-FEWEST = 4
+FEWEST_CONTACTS = 4
 """Fewest rows from which the scatter of contacts is estimated."""
 TYPICAL_U_UM = 1.0
-DECIMALS = 5
+CENTRE_DECIMALS = 5
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def centres_of(contacts: Contacts, plan: Plan, source: str) -> Probed:
     _refuse_far(centres, sphere, plan, contacts, source)
     while True:
         size = SCATTER * float(np.median(np.abs(left[kept]))) * np.sqrt(TOUCHES / 2.0)
-        off = np.flatnonzero(kept & (np.abs(left).max(axis=1) > max(OFF * size, LEAST_MM)))
+        off = np.flatnonzero(kept & (np.abs(left).max(axis=1) > max(OFF_SPHERE_SCATTERS * size, OFF_SPHERE_MM)))
         if not len(off):
             break
         # one bad contact spoils the whole row, and a little all others of its sphere
@@ -119,7 +119,7 @@ def _fitted(points: Array, sphere: np.ndarray) -> tuple[Array, dict[str, float],
     )
     rows = np.arange(m)
     left = np.zeros((m, TOUCHES))
-    for _ in range(STEPS):
+    for _ in range(CENTRE_STEPS):
         out = points - centres[:, None]
         far = np.linalg.norm(out, axis=2)
         left = far - radii[number, None]
@@ -145,7 +145,7 @@ def _alone(points: Array) -> Array:
 def _scatter(left: Array, radii: int, out: Array) -> tuple[float | None, float]:
     """Standard deviation of the contacts and standard uncertainty of a centre's coordinate, um."""
     m = len(left)
-    if m < FEWEST:
+    if m < FEWEST_CONTACTS:
         return None, TYPICAL_U_UM
     freedom = left.size - 3 * m - radii
     scatter = float(np.sqrt(np.sum(left**2) / freedom)) * 1e3
@@ -158,7 +158,7 @@ def _scatter(left: Array, radii: int, out: Array) -> tuple[float | None, float]:
 def _refuse_far(centres: Array, sphere: np.ndarray, plan: Plan, contacts: Contacts, source: str) -> None:
     stated = np.array([plan.spheres[name] for name in sphere.tolist()])
     far = np.linalg.norm(centres - stated, axis=1)
-    beyond = np.flatnonzero(far > FAR_MM)
+    beyond = np.flatnonzero(far > FAR_FROM_PLAN_MM)
     if len(beyond):
         k = int(beyond[0])
         raise UserError(
@@ -173,7 +173,7 @@ def _measurement(
     """The measurement of these centres: the positions of the linear axes at which the tip is in them."""
     planned = plan.state.rows(contacts.row[rows])
     found = linear_positions(plan.machine, planned.positions, centres[rows], plan.targets[TIP].position)
-    positions = np.where(plan.machine.rotary, planned.positions, np.round(found, DECIMALS))
+    positions = np.where(plan.machine.rotary, planned.positions, np.round(found, CENTRE_DECIMALS))
     n = len(rows)
     return Measurement(
         plan.machine, TouchProbe(u_um=u_um), with_moves(replace(planned, positions=positions)), np.zeros((n, 3)),

@@ -7,14 +7,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calibration.planning.strategies import DECIMALS
+from calibration.planning.strategies import PLAN_DECIMALS
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 DESIGNS = ("optimised", "grid", "bk", "samba", "random")
 """Designs: optimised; a grid of angles; each rotary axis alone (BK of ISO 10791-6); a grid with several spheres."""
-TURN = 360.0
+TURN_DEG = 360.0
 
 
 def rotary_ranges(machine: Machine, stated: Mapping[str, tuple[float, float]]) -> dict[int, tuple[float, float]]:
@@ -32,9 +32,9 @@ def rotary_ranges(machine: Machine, stated: Mapping[str, tuple[float, float]]) -
         low, high = stated.get(axis.name, axis.travel)
         if low < axis.travel[0] or high > axis.travel[1] or low > high:
             raise UserError(f"--range {axis.name}={low:g}:{high:g} is not inside its travel")
-        if high - low > TURN:
-            low = max(low, 0.0) if high >= TURN else high - TURN
-            high = low + TURN
+        if high - low > TURN_DEG:
+            low = max(low, 0.0) if high >= TURN_DEG else high - TURN_DEG
+            high = low + TURN_DEG
         found[i] = (low, high)
     if not any(high > low for low, high in found.values()):
         raise UserError(f"machine {machine.name}: no rotary axis moves, and spheres show errors of rotary axes")
@@ -44,7 +44,7 @@ def rotary_ranges(machine: Machine, stated: Mapping[str, tuple[float, float]]) -
 def laid(machine: Machine, ranges: Mapping[int, tuple[float, float]], angles: Array) -> Array:
     """Positions `(n, axes)`, mm and rad, with angles `(n, rotary axes)`, degrees, and the linear axes at home."""
     positions = np.tile([axis.home for axis in machine.axes], (len(angles), 1))
-    positions[:, list(ranges)] = np.round(angles, DECIMALS) + 0.0
+    positions[:, list(ranges)] = np.round(angles, PLAN_DECIMALS) + 0.0
     return positions * machine.scale
 
 
@@ -91,4 +91,4 @@ def circles(machine: Machine, ranges: Mapping[int, tuple[float, float]], number:
 def _spread(ends: tuple[float, float], number: int) -> list[float]:
     """Angles over a range with its ends; over a whole turn without the end, which is the start again."""
     low, high = ends
-    return np.linspace(low, high, number, endpoint=high - low < TURN).tolist() if number > 1 else [low]
+    return np.linspace(low, high, number, endpoint=high - low < TURN_DEG).tolist() if number > 1 else [low]

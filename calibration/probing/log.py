@@ -21,7 +21,7 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 LINUXCNC_AXES = "XYZABCUVW"
-TURNED_DEG = 0.01
+OFF_PLAN_DEG = 0.01
 """Largest difference of a rotary axis from its planned position, degrees."""
 SECOND_MM = 0.5
 """Largest distance of both touches of LinuxCNC, mm."""
@@ -197,7 +197,7 @@ def _set(position: Array, contact: _Contact, source: str, machine: Machine) -> N
         elif logged is not None:
             planned = float(position[i] / machine.scale[i])
             off = (logged - planned + 180.0) % 360.0 - 180.0
-            if abs(off) > TURNED_DEG:
+            if abs(off) > OFF_PLAN_DEG:
                 raise UserError(
                     f"{source}, line {contact.line}: {axis.name} is at {logged:g} deg, but the plan has {planned:g} "
                     f"deg in row {contact.row + 1}: is it the log of another plan?"

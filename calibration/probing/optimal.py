@@ -26,7 +26,7 @@ EVALUATED = 300
 """Number of these points."""
 BASIS, ROTARY_BASIS = "legendre:3", "fourier:2"
 """Assumed bases: spheres take the linear axes to few positions."""
-FREE = 1e-5
+CENTRE_INFORMATION = 1e-5
 """Prior information on the centres of the spheres, whose columns have unit length."""
 
 
@@ -40,7 +40,7 @@ def most_informative(
     """
     rows = [(k, reached) for k, own in enumerate(poses) for reached in own]
     columns = Columns(_set_up(bodies, [reached for _, reached in rows], u_um), [_volume(bodies, poses)], ())
-    each, prior, evaluated, _ = equations_of(columns, len(rows), BASIS, ROTARY_BASIS, FREE)
+    each, prior, evaluated, _ = equations_of(columns, len(rows), BASIS, ROTARY_BASIS, CENTRE_INFORMATION)
     size = each.shape[1]
     by_pose = np.zeros((len(poses), size * len(bodies.names), each.shape[2]))
     for (k, reached), equations in zip(rows, each, strict=True):

@@ -18,7 +18,7 @@ from kinematics.user_error import UserError
 
 HIGHER_MM = (0.0, 25.0, 50.0, 100.0, 150.0, 200.0, 300.0, 400.0)
 """Distances above the raised position, along the spindle axis, of the corner of a path to another position, mm."""
-TURNS = 60
+PARKING_TURNS = 60
 """Number of random turns by which a parking position is chosen."""
 MOVE, TOUCH = 0, 1
 """Kinds of moves: at the feed, and at the probing feed up to the contact."""
@@ -58,7 +58,7 @@ class Ways:
         UserError where the turning spheres hit the probe at all of them.
         """
         rng = np.random.default_rng(self.seed)
-        pairs = rng.integers(0, len(self.rotary), (TURNS, 2))
+        pairs = rng.integers(0, len(self.rotary), (PARKING_TURNS, 2))
         for linear in self._parks():
             start, end = (np.where(self.bodies.machine.rotary, self.rotary[pairs[:, k]], linear) for k in (0, 1))
             if _is_clear(self.bodies, start, end, self.approach.margin):

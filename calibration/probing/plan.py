@@ -25,9 +25,9 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 CANDIDATES = 200
-POINTS = 34
+DEFAULT_CONTACTS = 34
 SETUP_MIN = 20.0
-FEWEST = 4
+FEWEST_ROTARY_POSITIONS = 4
 """Fewest rotary positions within reach of a plan."""
 
 
@@ -48,7 +48,7 @@ class ProbeRequest:
     probe: Probe
     artefact: Artefact
     design: str = "optimised"
-    points: int = POINTS
+    points: int = DEFAULT_CONTACTS
     """Number of rotary positions."""
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Ranges of rotary axes, degrees."""
@@ -92,7 +92,7 @@ def probe_plan(machine: Machine, request: ProbeRequest, progress: Progress = sil
         progress("positions within reach", k / len(positions))
         reach[k] = [r for s in spheres if (r := ways.reached(positions[k], s))]
     within = [k for k, found in reach.items() if found]
-    if len(within) < FEWEST:
+    if len(within) < FEWEST_ROTARY_POSITIONS:
         raise UserError(
             f"the machine reaches the spheres at {len(within)} of {len(positions)} rotary positions: check --sphere "
             "(workpiece frame, all axes at 0), the length of the probe (--target probe=0,0,-L) and --range"
@@ -151,8 +151,8 @@ def _check(machine: Machine, request: ProbeRequest) -> None:
         )
     if not len(machine.translators) == 3:
         raise UserError(f"machine {machine.name}: a touch probe needs three linear axes")
-    if not request.points >= FEWEST:
-        raise UserError(f"--points {request.points}: expected {FEWEST} rotary positions or more")
+    if not request.points >= FEWEST_ROTARY_POSITIONS:
+        raise UserError(f"--points {request.points}: expected {FEWEST_ROTARY_POSITIONS} rotary positions or more")
 
 
 def _angles(machine: Machine, request: ProbeRequest, ranges: Mapping[int, tuple[float, float]]) -> Array:

@@ -15,7 +15,7 @@ from calibration.measurement.measurement import Distance, Measurement, with_move
 from calibration.measurement.plan import Plan
 from calibration.observation.full_model import parse_basis, with_effects
 
-SMALL = 0.1
+GOOD_AXIS_SHARE = 0.1
 """Error motions of good linear axes as a share of the typical size, 30 um and urad; their squareness keeps its size."""
 LINEAR, ROTARY = "legendre:1", "fourier:1"
 """Bases of the prediction: constants and slopes of linear axes, constants and first harmonics of rotary axes."""
@@ -28,7 +28,7 @@ class Predicted:
     uncertainty: Mapping[str, float]
     """Expanded uncertainties (k = 2) of the location errors, um or urad, by name."""
     uncertainty_small: Mapping[str, float]
-    """The same where errors of linear axes are within SMALL of the typical size."""
+    """The same where errors of linear axes are within `GOOD_AXIS_SHARE` of the typical size."""
     unidentifiable: tuple[Unidentifiable, ...]
     """Errors that this measurement cannot show, with reason and remedy."""
     parameters: int
@@ -56,7 +56,7 @@ def predicted(plan: Plan, u_um: float, distances_u_mm: Mapping[tuple[str, str], 
     model, prior = with_effects(measured, bases, (), 1.0)
     found = fit(measured, model, prior=prior)
     identified = identifiability(found)
-    small = fit(measured, model, prior=with_effects(measured, bases, (), SMALL, 1.0)[1])
+    small = fit(measured, model, prior=with_effects(measured, bases, (), GOOD_AXIS_SHARE, 1.0)[1])
     return Predicted(
         _location_U(found), _location_U(small), identified.unidentifiable, identified.parameters,
         identified.rank_registered,

@@ -19,7 +19,7 @@ ELEVATIONS = (20.0, 10.0, 35.0, 0.0)
 Above the equator they show the height of the centre as well, so that a wrong touch of the pole is found."""
 AZIMUTHS = (45.0, 0.0, 22.5, 67.5)
 """Azimuths of the first of the four touches from the stem as the spindle sees it, degrees."""
-ROUNDING = 1e-9
+TRAVEL_ROUNDING = 1e-9
 """Distance beyond a travel end, mm or rad, that is rounding."""
 
 
@@ -113,7 +113,7 @@ def _laid(bodies: Bodies, rotary: Array, sphere: int, approach: Approach, direct
 
 def _within(bodies: Bodies, positions: Array) -> bool:
     low, high = bodies.machine.travel
-    return bool(np.all(positions >= low - ROUNDING) and np.all(positions <= high + ROUNDING))
+    return bool(np.all(positions >= low - TRAVEL_ROUNDING) and np.all(positions <= high + TRAVEL_ROUNDING))
 
 
 def _clear(bodies: Bodies, found: Centre, approach: Approach) -> bool:

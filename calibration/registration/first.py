@@ -12,7 +12,7 @@ from kinematics.error_model.model import Observation
 if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
 
-ASTRAY = 10.0
+ASTRAY_MEDIANS = 10.0
 """Multiple of the median deviation from the nominal machine, and at least 1 mm, above which a row is left out of the
 first registration."""
 
@@ -27,7 +27,7 @@ def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarr
         residual = np.linalg.norm(
             measurement.counted - measurement.instrument.expected(measurement, registration, nominal), axis=1
         )
-        closer = residual <= max(1.0, ASTRAY * float(np.median(residual)))
+        closer = residual <= max(1.0, ASTRAY_MEDIANS * float(np.median(residual)))
         if measurement.instrument.MAY_BE_FEW:  # errors of millimetres, and checked already: no row is astray
             closer = trusted
         if np.array_equal(closer, trusted):

@@ -14,7 +14,7 @@ from kinematics.transforms import Array
 if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
 
-MOST = 1000
+MOST_ROWS_OF_CENTRE = 1000
 """Largest number of rows, evenly spread, from which the centre of the measured points is calculated."""
 
 
@@ -25,7 +25,9 @@ def arms_of(measurement: Measurement) -> Mapping[str, Array]:
     wherever the origin of the frame lies. The centre is the middle between the ends, so that it does not depend on
     copies of rows. Axes between which and the instrument no target lies are missing.
     """
-    few = measurement.rows(np.unique(np.linspace(0, len(measurement) - 1, min(len(measurement), MOST)).astype(int)))
+    few = measurement.rows(
+        np.unique(np.linspace(0, len(measurement) - 1, min(len(measurement), MOST_ROWS_OF_CENTRE)).astype(int))
+    )
     machine, state = few.machine, few.state
     if few.instrument.OBSERVES == "deviation":
         transform = error_transform_with_tool(machine, state.positions, few.tool)[:, :3]

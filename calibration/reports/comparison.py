@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.evaluation.comparison.result import Comparison, Motion
 from calibration.evaluation.comparison.result import Figure as Compared
-from calibration.evaluation.comparison.sides import LEAST
+from calibration.evaluation.comparison.sides import ZERO_ERROR_UM
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import uncertainty
 from kinematics.files.report_head import calibration_text
@@ -20,7 +20,7 @@ from rendering.volume import Field, volume_section
 MOTIONS = ("error motion", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "result")
 FIGURES = ("error", "meaning", "unit", "A", "B", "B - A", "U (k=2)", "result")
 RESULTS = {True: "significant", False: "not significant"}
-ACROSS = 3
+CURVES_ACROSS = 3
 """Curves side by side."""
 NAMED = 12
 """Most errors that the verdict names."""
@@ -57,7 +57,7 @@ def _significant(found: Comparison) -> str:
 
 
 def _differs(figure: Compared) -> bool:
-    return bool(abs(figure.b - figure.a) > max(figure.U, LEAST))
+    return bool(abs(figure.b - figure.a) > max(figure.U, ZERO_ERROR_UM))
 
 
 def _sections(found: Comparison) -> Iterator[Section]:
@@ -126,7 +126,7 @@ def _volume(found: Comparison) -> Section:
 
 
 def _curves(motions: list[Motion]) -> Figure:
-    return grid(list(map(_curve, motions)), ACROSS)
+    return grid(list(map(_curve, motions)), CURVES_ACROSS)
 
 
 def _curve(motion: Motion) -> Panel:

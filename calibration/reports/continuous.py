@@ -16,14 +16,14 @@ from calibration.reports.head import instrument_text
 from kinematics.files.number_text import plus_minus, uncertainty
 from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array
-from rendering.figures import COLOURS, MANY, Figure, Panel, band, dots, level, some
+from rendering.figures import COLOURS, MOST_DRAWN_POINTS, Figure, Panel, band, dots, level, some
 from rendering.report import Report, Section, Table, facts
 
-LISTED = 50
+LISTED_FEATURES = 50
 """Most listed jumps of one direction, and most waves; the JSON has all."""
-DRAWN = 2000
+DRAWN_CURVE_POINTS = 2000
 """Most points of a curve."""
-HARMONIC = 2e-3
+HARMONIC_DEVIATION = 2e-3
 """Largest relative deviation of a harmonic from a multiple of the basic frequency."""
 SIGN = "Measured minus target: positive where the axis goes too far in its positive direction."
 HINT = "ncomp diagnose, with the quasi-static data or a finer run of targets, finds the cause in the drive."
@@ -250,7 +250,7 @@ def _runs(found: Estimate) -> Section:
 
 
 def _waves(direction: str, each: OneDirection) -> Iterator[tuple[str, ...]]:
-    for wave, harmonics in with_harmonics(each.waves)[:LISTED]:
+    for wave, harmonics in with_harmonics(each.waves)[:LISTED_FEATURES]:
         period = f"{wave.period_mm:.4g}", f"{wave.u_period_mm:.2g}"
         amplitude = f"{wave.amplitude_um:.3g}", f"{wave.u_amplitude_um:.2g}"
         yield direction, *period, *amplitude, ", ".join(map(str, harmonics)), f"{wave.frequency_hz:.3g}"
@@ -262,7 +262,11 @@ def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
     while left:
         wave = left.pop(0)
         numbers = {other: wave.period_mm / other.period_mm for other in left if other.period_mm < wave.period_mm / 1.5}
-        own = {other: round(ratio) for other, ratio in numbers.items() if abs(ratio / round(ratio) - 1.0) < HARMONIC}
+        own = {
+            other: round(ratio)
+            for other, ratio in numbers.items()
+            if abs(ratio / round(ratio) - 1.0) < HARMONIC_DEVIATION
+        }
         left = [other for other in left if other not in own]
         found.append((wave, sorted(own.values())))
     return found
@@ -270,7 +274,7 @@ def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
 
 def _jumps(direction: str, each: OneDirection) -> Iterator[tuple[str, ...]]:
     jumps = each.jumps
-    for x, size, u in list(zip(jumps.positions_mm, jumps.sizes_um, jumps.u_um, strict=True))[:LISTED]:
+    for x, size, u in list(zip(jumps.positions_mm, jumps.sizes_um, jumps.u_um, strict=True))[:LISTED_FEATURES]:
         yield direction, f"{x:.3f}", f"{size:.2f}", f"{u:.2g}"
     if jumps.pitch is not None:
         yield direction, f"every {jumps.pitch[0]:.4g} (u {jumps.pitch[1]:.2g})", "", ""
@@ -296,7 +300,7 @@ def _errors(found: Estimate) -> Figure:
     panel = Panel("position, mm", "error, um")
     for colour, sign in zip(COLOURS, found.fused.signs, strict=False):
         rows = found.table(DIRECTION_NAMES[sign])
-        inner = some(np.flatnonzero(rows.continuous), DRAWN)
+        inner = some(np.flatnonzero(rows.continuous), DRAWN_CURVE_POINTS)
         band(panel, rows.position[inner], rows.error[inner], 2 * rows.u[inner], colour, DIRECTION_NAMES[sign])
         own, label = found.quasi.direction == sign, f"readings {DIRECTION_NAMES[sign]}"
         form = {"symbol": "circle-open", "size": 6, "opacity": 1}
@@ -307,7 +311,7 @@ def _errors(found: Estimate) -> Figure:
 def _reversal_figure(found: Estimate) -> Figure:
     panel = Panel("position, mm", "forward minus backward, um")
     values, covariance = found.curve("reversal")
-    rows = some(np.arange(len(values)), DRAWN)
+    rows = some(np.arange(len(values)), DRAWN_CURVE_POINTS)
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     band(panel, found.fused.positions[rows], values[rows], 2 * u[rows])
     return Figure([panel], height=300)
@@ -320,7 +324,7 @@ def _residuals(found: Estimate) -> Figure:
         rows = quasi.direction[found.fused.inside] == sign
         if rows.any():
             at = quasi.target[found.fused.inside][rows]
-            dots(panel, at[:MANY], residual[rows][:MANY], colour, name, size=6, opacity=0.9)
+            dots(panel, at[:MOST_DRAWN_POINTS], residual[rows][:MOST_DRAWN_POINTS], colour, name, size=6, opacity=0.9)
     for k in (-2.0, 2.0):
         level(panel, k * found.fused.spread.noise, f"{k:+g} u")
     return Figure([panel], height=300)

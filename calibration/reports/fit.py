@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.fit.acceptance import COVERAGE, MOSTLY, Judged
+from calibration.fit.acceptance import COVERAGE_FACTOR, SIGNIFICANT_SHARE, Judged
 from calibration.fit.calibrate import Calibration
 from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.curves.between_positions import BetweenPositions
@@ -29,7 +29,7 @@ from kinematics.transforms import Array
 from rendering.report import Report, Section, Table, facts, shortened
 from rendering.volume import Field, uncertainty_of, volume_section
 
-LISTED = 20
+LISTED_REASONS = 20
 """Most rows that are listed with the reason for which they were left out; the JSON has all."""
 IN_THE_HEAD = 4
 """Most rows that were left out in the head of a report; a table has all."""
@@ -167,11 +167,11 @@ def _held_out(held: CrossValidation | None, unit: str) -> str:
 
 def insignificant(share: float) -> list[str]:
     """A sentence where most of the correction does not exceed its uncertainty; `share` of it is significant."""
-    if share >= MOSTLY:
+    if share >= SIGNIFICANT_SHARE:
         return []
     return [
         f"NOT SIGNIFICANT: at {100 * (1 - share):.0f} % of the measured positions the correction is smaller than "
-        f"{COVERAGE:g} times its standard uncertainty. This calibration hardly improves the machine. Measure more "
+        f"{COVERAGE_FACTOR:g} times its standard uncertainty. This calibration hardly improves the machine. Measure more "
         "positions, or use an instrument with a smaller uncertainty."
     ]
 
@@ -363,9 +363,9 @@ def _left_out(fitted: Fit) -> Iterator[Sequence[str]]:
         ("copy of an earlier row", np.flatnonzero(fitted.copies)),
     )
     for reason, rows in kinds:
-        for row in rows[:LISTED].tolist():
+        for row in rows[:LISTED_REASONS].tolist():
             yield fitted.measurement.where(row), reason, f"{size[row]:.1f}"
-        if len(rows) > LISTED:
-            yield f"... and {len(rows) - LISTED} more", reason, ""
+        if len(rows) > LISTED_REASONS:
+            yield f"... and {len(rows) - LISTED_REASONS} more", reason, ""
     for station in fitted.failed:
         yield f"station {station}", "most of its rows disagree with all others", ""

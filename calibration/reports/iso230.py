@@ -17,7 +17,7 @@ from kinematics.files.report_head import ReportHead
 from rendering.figures import COLOURS, Figure, Panel, band, dots, extent, level
 from rendering.report import Report, Section, Table, shortened
 
-ASTRAY = 4
+LISTED_ASTRAY = 4
 """Most readings in the verdict that disagree with the others; the JSON has all."""
 IN_THE_VERDICT = ("A", "R", "B")
 """Symbols of the values of the verdict."""
@@ -84,7 +84,7 @@ def _disagreeing(test: AxisTest) -> Iterator[str]:
     without = [f"{value.symbol} {value.value:.2f} {test.unit}" for value in test.without if value.symbol in ("A", "R")]
     yield (
         f"{len(each)} of {readings} readings disagree with the others of their target{where}: "
-        f"{'; '.join(shortened(each, ASTRAY, 'readings'))}. ISO 230-2 counts them; without them the axis has "
+        f"{'; '.join(shortened(each, LISTED_ASTRAY, 'readings'))}. ISO 230-2 counts them; without them the axis has "
         f"{', '.join(without)}."
     )
 

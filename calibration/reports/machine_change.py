@@ -10,7 +10,7 @@ from calibration.reports.causes import text as words
 from kinematics.effects import Effect
 from rendering.report import Section, Table, shortened
 
-LISTED = 4
+LISTED_CHANGES = 4
 """Most changed lines in a sentence; the table has all."""
 UNMOVED_UM = 1e-6
 """Uncertainty of the difference below which no parameter of the models moves the tool point."""
@@ -55,7 +55,7 @@ def change_sentences(change: MachineChange | None) -> Iterator[str]:
             f"{change.u_um:.2g} um."
         )
         return
-    lines = shortened([f"{line.line_name} {_size(line)}" for line in change.changed], LISTED, "lines")
+    lines = shortened([f"{line.line_name} {_size(line)}" for line in change.changed], LISTED_CHANGES, "lines")
     listed = f" {'; '.join(lines)}." if lines else ""
     yield (
         f"CHANGED since the present calibration: {size}, where the uncertainties alone explain {change.u_um:.2g} um."
@@ -75,7 +75,7 @@ def change_sections(change: MachineChange | None) -> Iterator[Section]:
     text = (
         "Changes are new model minus present calibration. A scale is the mean slope of a positioning error. Location "
         "errors are by ISO 230-1 in the datum of the calibration, with the U "
-        f"(k={words.COVERAGE}) of the difference of both."
+        f"(k={words.COVERAGE_FACTOR}) of the difference of both."
     )
     yield Section(
         "Change since the present calibration", text, Table(("error", "symbol", "change ± U", "result"), rows)

@@ -8,10 +8,10 @@ import numpy as np
 
 from calibration.measurement.plan import Plan
 from kinematics.forward import tool_point
-from rendering.figures import SCENE, Figure, Panel, colour_axis, some
+from rendering.figures import SCENE_HEIGHT_PX, Figure, Panel, colour_axis, some
 from rendering.report import Report, Section, facts
 
-MOST = 2000
+MOST_DRAWN_POSITIONS = 2000
 """Most positions that are drawn."""
 
 
@@ -30,7 +30,7 @@ def plan_report(plan: Plan) -> Report:
 
 def _positions(plan: Plan) -> Figure:
     """Positions of the targets, mm, in the workpiece frame."""
-    rows, names = some(np.arange(len(plan)), MOST), plan.state.target
+    rows, names = some(np.arange(len(plan)), MOST_DRAWN_POSITIONS), plan.state.target
     target = (
         [(0.0, 0.0, 0.0)] * len(rows) if names is None else [plan.targets[n].position for n in names[rows].tolist()]
     )
@@ -48,4 +48,4 @@ def _positions(plan: Plan) -> Figure:
     hover = "observation %{marker.color}: %{x:.4g}, %{y:.4g}, %{z:.4g} mm<extra></extra>"
     panel.traces.append(trace | {"marker": marker, "hovertemplate": hover})
     colours = colour_axis(1.0, float(len(plan)), "number of the observation, in the order of measuring")
-    return Figure([panel], height=SCENE, colours=colours)
+    return Figure([panel], height=SCENE_HEIGHT_PX, colours=colours)

@@ -11,7 +11,7 @@ from kinematics.effects.base import UM
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import plus_minus
 
-UNSEEN = 10.0
+UNSEEN_MM_IN_300 = 10.0
 """Uncertainty (k = 2), mm in 300 mm, from which the readings do not show an error."""
 
 
@@ -20,7 +20,7 @@ def sentences(model: ErrorModel, plane: str) -> Iterator[str]:
     for name, value, u in _values(model, plane):
         size, big_u = abs(value) * RECTANGLE_MM, 2.0 * u * RECTANGLE_MM
         sure = "" if size > big_u else ": not more than its uncertainty"
-        if big_u > UNSEEN:
+        if big_u > UNSEEN_MM_IN_300:
             yield f"{name[0]}: not known yet."
         else:
             word = name[1] if value > 0.0 else name[2]

@@ -8,7 +8,7 @@ from typing import Any
 from calibration.diagnosis.conclusion.design import Designed
 from rendering.report import Section, Table
 
-LISTED = 4
+LISTED_CAUSES = 4
 """Most causes of a family that one cell lists."""
 TEXT = (
     "The table follows from the positions, their order and the set-up alone, without the readings. A cause is visible "
@@ -70,8 +70,8 @@ def _ties(family: Sequence[Designed], kinds: Mapping[str, str]) -> Iterator[str]
 
 def _listed(texts: Sequence[str], whole: int) -> str:
     """The causes of a cell; `all 12` for a whole family, and the number of those that are not listed."""
-    if len(texts) == whole > LISTED:
+    if len(texts) == whole > LISTED_CAUSES:
         return f"all {whole}"
-    if len(texts) > LISTED:
-        texts = [*texts[: LISTED - 1], f"{len(texts) - LISTED + 1} more"]
+    if len(texts) > LISTED_CAUSES:
+        texts = [*texts[: LISTED_CAUSES - 1], f"{len(texts) - LISTED_CAUSES + 1} more"]
     return ", ".join(texts)

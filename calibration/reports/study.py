@@ -17,17 +17,17 @@ from kinematics.transforms import Array
 from rendering.figures import AFTER, BEFORE, RED, Figure, Panel, area, dots, grid, line, rgba, some
 from rendering.report import Report, Section, Table
 
-MANY = 2000
+MOST_DRAWN_DRAWS = 2000
 """Most points, and most draws, that are drawn of one case."""
-FAR = 2000.0
+METRES_FROM_MM = 2000.0
 """Extent of positions, mm, above which they are shown in m."""
 SCENES = 6
 """Most cases whose positions are drawn: a browser draws few 3-D figures."""
-SHOWN = 1e-3
+SHOWN_UM = 1e-3
 """Least shown difference of exact fits, um."""
 CURVE = 4
 """Least number of cases with different numbers of points for which a curve is drawn."""
-DOUBTFUL = 0.1
+DOUBTFUL_SHARE = 0.1
 """Largest difference between linear and exact fits without a warning, as a share of the error."""
 
 
@@ -84,7 +84,9 @@ def _lead(study: StudyEntry, results: Sequence[Result]) -> str:
     )
     if checked:
         largest = max(check.difference for check in checked)
-        text += f"\nExact fits of {len(checked[0].exact)} draws a case differ by at most {max(largest, SHOWN):.2g} um."
+        text += (
+            f"\nExact fits of {len(checked[0].exact)} draws a case differ by at most {max(largest, SHOWN_UM):.2g} um."
+        )
     return text.strip()
 
 
@@ -108,9 +110,9 @@ def _notes(results: Sequence[Result], draws: Draws) -> Iterator[str]:
         if not each.converged:
             yield f"case {each.case.name}: {draws.most} draws are too few for a tolerance of {draws.tolerance_um:g} um"
     checks = [each.check for each in results if each.check is not None]
-    if any(check.difference > DOUBTFUL * float(check.exact.mean()) for check in checks):
+    if any(check.difference > DOUBTFUL_SHARE * float(check.exact.mean()) for check in checks):
         yield (
-            f"DOUBTFUL: results differ from exact fits by more than {DOUBTFUL:.0%}: errors of this size are not linear"
+            f"DOUBTFUL: results differ from exact fits by more than {DOUBTFUL_SHARE:.0%}: errors of this size are not linear"
         )
 
 
@@ -135,7 +137,7 @@ def _half(panel: Panel, row: int, values: Array, colour: str, side: str, name: s
     """One side of a row: the distribution, its mean and its quantile."""
     form = {"type": "violin", "orientation": "h", "side": side, "points": False, "spanmode": "hard", "width": 0.7}
     look = {"line": {"color": colour, "width": 1}, "fillcolor": rgba(colour, 0.4), "hoverinfo": "skip"}
-    drawn = some(np.sort(values), MANY)
+    drawn = some(np.sort(values), MOST_DRAWN_DRAWS)
     panel.traces.append(form | look | {"x": drawn, "y": np.full(len(drawn), float(row)), "name": name})
     end = row + (-0.33 if side == "negative" else 0.33)
     for value, dash, title in ((values.mean(), "solid", "mean"), (np.quantile(values, LEVEL), "dot", "95 % quantile")):
@@ -168,7 +170,7 @@ def _position_figure(results: Sequence[Result]) -> Figure:
 def _positions(result: Result) -> Panel:
     """Positions of the target, and the trackers, of one case."""
     targets, trackers = _targets(result), np.array(result.case.trackers, float).reshape(-1, 3)
-    unit, length = ("m", 1e3) if np.ptp(np.vstack([targets, trackers]), axis=0).max() > FAR else ("mm", 1.0)
+    unit, length = ("m", 1e3) if np.ptp(np.vstack([targets, trackers]), axis=0).max() > METRES_FROM_MM else ("mm", 1.0)
     panel = Panel(f"x, {unit}", f"y, {unit}", result.case.name, f"z, {unit}", kind="scene")
     for points, colour, size, symbol, name in (
         (targets, BEFORE, 2, "circle", "target"),
@@ -184,6 +186,6 @@ def _targets(result: Result) -> Array:
     """Positions `(n, 3)` of the target, mm, workpiece frame."""
     plan = result.case.plan
     assert plan.state.target is not None
-    rows = some(np.arange(len(plan)), MANY)
+    rows = some(np.arange(len(plan)), MOST_DRAWN_DRAWS)
     tools = np.array([plan.targets[name].position for name in plan.state.target[rows].tolist()])
     return tool_point(plan.machine, plan.positions[rows], tools)

@@ -21,11 +21,11 @@ from kinematics.user_error import UserError
 
 OFF_CENTRE_MM = 0.03
 """Half-width of the difference between the table ball and the centre of the circles, in each coordinate, mm."""
-LENGTH_OFF_MM = 0.02
+UNCALIBRATED_LENGTH_MM = 0.02
 """Standard deviation of the length of a bar that is not calibrated, mm."""
 OVERSHOOT_S = 20.0
 """Time between two circles, s."""
-DECIMALS = 5
+READING_DECIMALS = 5
 """Decimals of recorded positions and readings, mm: 10 nm."""
 PLANES = {"XY": (0, 1), "YZ": (1, 2), "ZX": (2, 0)}
 """Coordinates of the workpiece frame of each plane; the angle counts from the first to the second."""
@@ -60,12 +60,14 @@ def swept(
     """
     blank = _nominal(machine, bar, circles, target)
     centre = np.add(circles.centre, draws[0].uniform(-OFF_CENTRE_MM, OFF_CENTRE_MM, 3))
-    longer = draws[0].standard_normal() * (LENGTH_OFF_MM if bar.length_u_um is None else bar.length_u_um * 1e-3)
+    longer = draws[0].standard_normal() * (
+        UNCALIBRATED_LENGTH_MM if bar.length_u_um is None else bar.length_u_um * 1e-3
+    )
     poses = {ONE_SET_UP: Pose(np.eye(3)[None], -centre[None])}
     registration = Registration(poses, {ONE_SET_UP: np.zeros(3)}, SHIFTS, {LENGTH_ERROR: float(longer)})
     exact = bar.expected(blank, registration, model.observation(machine, blank.state))
     noise = noise_scale * bar.u_um * 1e-3 * draws[1].standard_normal(exact.shape)
-    return replace(blank, observed=np.round(exact + noise, DECIMALS))
+    return replace(blank, observed=np.round(exact + noise, READING_DECIMALS))
 
 
 def _nominal(machine: Machine, bar: Ballbar, circles: Circles, target: tuple[str, Target]) -> Measurement:
@@ -85,7 +87,7 @@ def _nominal(machine: Machine, bar: Ballbar, circles: Circles, target: tuple[str
         runs += [f"{plane} F{each:g} {direction}"] * len(angles)
         feeds += [each] * len(angles)
     home = np.tile([axis.home for axis in machine.axes], (len(runs), 1)) * machine.scale
-    positions = np.round(linear_positions(machine, home, np.concatenate(points), tool.position), DECIMALS)
+    positions = np.round(linear_positions(machine, home, np.concatenate(points), tool.position), READING_DECIMALS)
     _refuse_beyond(machine, positions)
     feed = np.array(feeds)
     cycle = np.repeat(np.arange(len(points)), len(angles)).astype(float)

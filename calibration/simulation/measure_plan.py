@@ -36,9 +36,9 @@ from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 from rendering.shown import Shown
 
-AWAY_MM = 1500.0
+DEFAULT_TRACKER_MM = 1500.0
 """Distance from the volume to a tracker without a given position, mm."""
-NEAREST_MM = 1.0
+NEAREST_MEASURED_MM = 1.0
 """Smallest distance of a target from a tracker, mm; a closer one has no direction."""
 REACH = "--elevation, --incidence and --beam-mm"
 """Options of the limits of a beam."""
@@ -178,12 +178,12 @@ def tracker_poses(
 def check_distance(measured: Measurement) -> None:
     """UserError for a target inside the tracker."""
     points = measured.state.need("observed", "a tracker")
-    far = np.linalg.norm(points, axis=1) >= NEAREST_MM
+    far = np.linalg.norm(points, axis=1) >= NEAREST_MEASURED_MM
     if not far.all():
         row = int(np.argmin(far))
         assert measured.state.station is not None
         raise UserError(
-            f"--tracker: observation {row + 1} is closer than {NEAREST_MM:g} mm to the tracker at "
+            f"--tracker: observation {row + 1} is closer than {NEAREST_MEASURED_MM:g} mm to the tracker at "
             f"{measured.state.station[row]}; move the tracker"
         )
 
@@ -202,7 +202,7 @@ def _before(machine: Machine, positions: Array) -> tuple[float, float, float]:
     points = tool_point(machine, positions)
     low, high = points.min(axis=0), points.max(axis=0)
     _, y, z = ((low + high) / 2).round().tolist()
-    return float(round(low[0] - AWAY_MM)), y, z
+    return float(round(low[0] - DEFAULT_TRACKER_MM)), y, z
 
 
 def _stationed(

@@ -21,7 +21,7 @@ from kinematics.state import State
 from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
 from kinematics.user_error import UserError
 
-AT_A_TIME = 32_768
+ROWS_AT_A_TIME = 32_768
 """Number of rows evaluated together, which limits the memory."""
 
 
@@ -63,16 +63,16 @@ def observe(
     """
     blank = replace(_blank(machine, instrument, state, poses, targets, stands_on, axis, run), component=component)
     registration = instrument.drawn_registration(blank, poses, rng)
-    aimed = [instrument.aimed_at(part, registration) for part in _parts(blank, AT_A_TIME)]
+    aimed = [instrument.aimed_at(part, registration) for part in _parts(blank, ROWS_AT_A_TIME)]
     points = [part for part in aimed if part is not None]
     if points:
         blank = replace(blank, state=replace(blank.state, observed=np.concatenate(points)))
-    together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else AT_A_TIME
+    together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else ROWS_AT_A_TIME
     exact = np.empty((len(blank), instrument.components))
     done = 0
     for part in _parts(blank, together):
         effects = model.observation(machine, part.state)
-        for rows in _slices(len(part), AT_A_TIME):
+        for rows in _slices(len(part), ROWS_AT_A_TIME):
             count = len(part.state.positions[rows])
             errors = Observation(effects.errors[rows], effects.shift[rows])
             exact[done : done + count] = instrument.expected(part.rows(rows), registration, errors)
@@ -186,7 +186,7 @@ def _blank(
 def _noise(measurement: Measurement, rng: np.random.Generator) -> Array:
     """Noise `(n, components)`, mm and rad, with the covariance of the instrument for these observations."""
     normal = rng.standard_normal(measurement.observed.shape)
-    together = len(measurement) if measurement.instrument.GROWS_ALONG_RUN else AT_A_TIME
+    together = len(measurement) if measurement.instrument.GROWS_ALONG_RUN else ROWS_AT_A_TIME
     parts = zip(_parts(measurement, together), _slices(len(measurement), together), strict=True)
     return np.concatenate([np.einsum("nij,nj->ni", _root(part.covariances), normal[rows]) for part, rows in parts])
 

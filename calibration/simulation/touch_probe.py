@@ -24,12 +24,12 @@ PLACED_MM = 1.0
 """Half-width of the difference between a sphere's centre and its stated position, in each coordinate, mm."""
 FOUND_MM = 1e-9
 """Distance of the tip from the centre, mm, at which the search for the axis positions ends."""
-STEPS = 20
-ROUNDING = 1e-9
+CONTACT_STEPS = 20
+TRAVEL_ROUNDING = 1e-9
 """Distance beyond a travel end, mm or rad, that is rounding."""
-DECIMALS = 5
+CONTACT_DECIMALS = 5
 """Decimals of the recorded positions, mm: 10 nm, far below the noise."""
-POINT_S = 15.0
+TIME_OF_CENTRE_S = 15.0
 """Time for one centre, s, where the plan has no times."""
 
 
@@ -65,7 +65,7 @@ def probed(
     (tip,) = plan.targets.values()
     nominal = _nominal(plan, tip.position, spheres)
     beyond = np.maximum(machine.travel[0] - nominal.positions, nominal.positions - machine.travel[1])
-    reached = np.flatnonzero(beyond.max(axis=1) <= ROUNDING)
+    reached = np.flatnonzero(beyond.max(axis=1) <= TRAVEL_ROUNDING)
     notes: tuple[str, ...] = ()
     if len(reached) < len(nominal):
         notes = (f"{len(nominal) - len(reached)} of {len(nominal)} centres are beyond the travel of an axis, left out",)
@@ -87,7 +87,7 @@ def into_positions(measurement: Measurement) -> Measurement:
     """The measurement with its observed vectors in the positions of the linear axes instead."""
     machine, state = measurement.machine, measurement.state
     tip = tool_point(machine, state.positions, measurement.tool) - measurement.observed
-    moved = np.round(linear_positions(machine, state.positions, tip, measurement.tool), DECIMALS)
+    moved = np.round(linear_positions(machine, state.positions, tip, measurement.tool), CONTACT_DECIMALS)
     off = np.linalg.norm(measurement.observed, axis=1) > 0.0
     positions = np.where(off[:, None] & ~machine.rotary, moved, state.positions)
     return replace(
@@ -109,7 +109,7 @@ def _nominal(plan: Plan, tip: Vector, spheres: Spheres) -> State:
     centres = np.array([spheres.centres[name] for name in station.tolist()])
     positions = linear_positions(plan.machine, state.positions, centres, tip)
     time = plan.state.time
-    step = POINT_S if time is None or n < 2 else float(time[-1] - time[0]) / (n - 1)
+    step = TIME_OF_CENTRE_S if time is None or n < 2 else float(time[-1] - time[0]) / (n - 1)
     return State(
         positions,
         velocity=np.zeros_like(positions),
@@ -130,7 +130,7 @@ def _found(
     poses = {name: Pose(np.eye(3)[None], -centre[None]) for name, centre in centres.items()}
     registration = Registration(poses, dict.fromkeys(poses, np.zeros(3)), SHIFTS)
     state, instrument = blank.state, blank.instrument
-    for step in range(STEPS):
+    for step in range(CONTACT_STEPS):
         here = replace(blank, state=state)
         off = instrument.expected(here, registration, model.observation(machine, state)) + noise
         if np.abs(off).max() < FOUND_MM:
@@ -139,7 +139,7 @@ def _found(
         moved = replace(state, positions=linear_positions(machine, state.positions, tip, blank.tool))
         # a move of um from row to row may change its sign with each step
         state = with_moves(moved, state.approach if step else None)
-    positions = np.where(machine.rotary, state.positions, np.round(state.positions, DECIMALS))
+    positions = np.where(machine.rotary, state.positions, np.round(state.positions, CONTACT_DECIMALS))
     return replace(blank, state=with_moves(replace(state, positions=positions), state.approach))
 
 
@@ -152,4 +152,4 @@ def _distance(
             raise UserError(f"--distance: there is no sphere {name!r}; known are {', '.join(actual)}")
     one, other = names
     length = float(np.linalg.norm(actual[one] - actual[other])) + noise_scale * u * float(rng.standard_normal())
-    return Distance(one, other, round(length, DECIMALS), u)
+    return Distance(one, other, round(length, CONTACT_DECIMALS), u)

@@ -17,13 +17,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.single_axis.iso230 import DIGITS, AxisTest, Readings, Value, tested
+from calibration.single_axis.iso230 import TARGET_DECIMALS, AxisTest, Readings, Value, tested
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-NEAR_MM = 0.01
+ON_DIAGONAL_MM = 0.01
 """Largest distance of a position from a diagonal, mm: positions are stated to 0.001 mm."""
-UM = 1e3
+UM_PER_MM = 1e3
 """um per mm."""
 TOO_SMALL = " (it may be too small: targets with one direction only do not count)"
 
@@ -48,10 +48,10 @@ def diagonal_tests(measurement: Measurement) -> tuple[AxisTest, ...]:
 def _diagonals(measurement: Measurement, position: Array) -> tuple[Array, Array]:
     """Signs of the axes `(n, 3)` along the diagonal of each row, first axis positive, and the distance along it, mm."""
     half = np.ptp(position, axis=0) / 2.0
-    if half.min() < NEAR_MM:
+    if half.min() < ON_DIAGONAL_MM:
         raise UserError(f"{measurement.source}: ISO 230-6 needs moves of all linear axes, and one of them rests")
     share = (position - position.min(axis=0)) / half - 1.0
-    beside = np.ptp(np.abs(share), axis=1) * half.max() > NEAR_MM
+    beside = np.ptp(np.abs(share), axis=1) * half.max() > ON_DIAGONAL_MM
     if beside.any():
         row = int(np.argmax(beside))
         raise UserError(
@@ -61,7 +61,7 @@ def _diagonals(measurement: Measurement, position: Array) -> tuple[Array, Array]
         )
     signs = np.where(share * np.where(share[:, :1] < 0.0, -1.0, 1.0) < 0.0, -1.0, 1.0)
     length = float(np.linalg.norm(half))
-    middle = np.abs(share).max(axis=1) * length < NEAR_MM
+    middle = np.abs(share).max(axis=1) * length < ON_DIAGONAL_MM
     for row in np.flatnonzero(middle).tolist():  # the diagonals meet there: it belongs to that of the row before
         signs[row] = signs[max(row - 1, 0)]
     return signs, (share[:, 0] + 1.0) * length
@@ -71,19 +71,19 @@ def _test(measurement: Measurement, linear: Sequence[str], one: Array, signs: Ar
     """The test of a diagonal; None where no reading has a direction along it."""
     on = (signs == one).all(axis=1)
     step = np.diff(along, prepend=along[0])
-    rows = np.flatnonzero(on & np.roll(on, 1) & (np.abs(step) > NEAR_MM))
+    rows = np.flatnonzero(on & np.roll(on, 1) & (np.abs(step) > ON_DIAGONAL_MM))
     if not len(rows):
         return None
     points = measurement.observed - measurement.observed[on].mean(axis=0)
     line = np.linalg.svd(points[on], full_matrices=False)[2][0]
     line = line * (1.0 if points[on] @ line @ (along[on] - along[on].mean()) > 0.0 else -1.0)
-    deviation = (points @ line - along + along[on].mean()) * UM
+    deviation = (points @ line - along + along[on].mean()) * UM_PER_MM
     variance = np.einsum("i,nij,j->n", line, measurement.instrument.row_covariances(measurement)[rows], line)
     name = linear[0] + "".join(
         f"{'+' if sign > 0 else '-'}{axis}" for sign, axis in zip(one[1:], linear[1:], strict=True)
     )
-    read = Readings(np.round(along[rows], DIGITS) + 0.0, (step[rows] < 0.0).astype(int), deviation[rows])
-    return tested(measurement, name, rows, read, (float(np.sqrt(variance.mean())) * UM, 0.0), rotary=False)
+    read = Readings(np.round(along[rows], TARGET_DECIMALS) + 0.0, (step[rows] < 0.0).astype(int), deviation[rows])
+    return tested(measurement, name, rows, read, (float(np.sqrt(variance.mean())) * UM_PER_MM, 0.0), rotary=False)
 
 
 def largest_of_diagonals(tests: Sequence[AxisTest]) -> Iterator[Value]:

@@ -21,8 +21,8 @@ import numpy as np
 from scipy import special
 
 from calibration.gaussian_terms.geometry import (
-    DEGREE,
-    HARMONICS,
+    ERROR_DEGREE,
+    TURN_HARMONICS,
     Bands,
     Key,
     degrees_of,
@@ -35,20 +35,20 @@ from calibration.single_axis.rigid_motions import RigidMotions
 from kinematics.basis import Basis, BSpline, Harmonics, Interval, Legendre
 from kinematics.effects import COMPONENTS, Component, Effect, ErrorMotion, LocationError, Wobble
 from kinematics.error_model.priors import Priors
-from kinematics.machine import TURN, Axis
+from kinematics.machine import TURN_DEG, Axis
 from kinematics.transforms import Array
 from kinematics.turn import columns_of, gap_of, measured_arc
 from kinematics.user_error import UserError
 
-STEPS = 60
+MOST_BAND_STEPS = 60
 """Most steps of the sizes of the bands."""
-UNLIMITED = 1e5
+UNLIMITED_UM = 1e5
 """Prior size, um and urad, of coefficients that nothing limits."""
 STATED = -3
 """Number of the band of these."""
-SHOWN = 3.0
+SHOWN_DEGREE_U = 3.0
 """Size of a coefficient in standard uncertainties from which the data show its degree."""
-UNSEEN = 2.0
+UNRESOLVED_RATIO = 2.0
 """Ratio of the uncertainty between the positions to that at these from which waves are not resolved."""
 MISFIT = 1e-3
 """Probability of a chi2 below which a curve deviates significantly from its points."""
@@ -111,10 +111,10 @@ class Shape:
             motion = ErrorMotion(cast(Component, name), self.axis.name, basis, (0.0,) * basis.size)
             degrees = degrees_of(basis.size, closed=isinstance(basis, Harmonics))
             keys += [(name, "", STATED)] * basis.size if free else keys_of(motion, degrees)
-            sizes.append(np.full(basis.size, UNLIMITED) if free else prior_sizes(degrees, priors))
+            sizes.append(np.full(basis.size, UNLIMITED_UM) if free else prior_sizes(degrees, priors))
         for wobble in self.wobbles:
             keys += [(wobble.motion, "wobble", 0)] * 2
-            sizes.append(np.full(2, UNLIMITED if any(self.free) else priors.error_motion_um))
+            sizes.append(np.full(2, UNLIMITED_UM if any(self.free) else priors.error_motion_um))
         return Bands.of(keys, priors), np.concatenate(sizes)
 
 
@@ -181,7 +181,7 @@ def polynomials(axis: Axis, positions: Array, given: Mapping[str, int], arc: Int
             raise UserError(
                 f"degree {degree} of E_{name}{axis.name}: {len(positions)} positions allow {least} to {most}"
             )
-    kind, high = (Harmonics, HARMONICS) if closed else (Legendre, DEGREE)
+    kind, high = (Harmonics, TURN_HARMONICS) if closed else (Legendre, ERROR_DEGREE)
     bases = tuple(kind(arc, high if degree is None else degree) for degree in degrees)
     return Shape(axis, bases, tuple(degree is not None for degree in degrees))
 
@@ -190,7 +190,7 @@ def tables(axis: Axis, positions: Array, arc: Interval) -> Shape:
     """Interpolated tables with the measured positions as nodes; periodic if the whole turn was measured."""
     nodes = np.unique(positions)
     if axis.turns_fully:
-        nodes = arc[0] + np.unique(np.round(np.mod(positions - arc[0], TURN), 6) % TURN)
+        nodes = arc[0] + np.unique(np.round(np.mod(positions - arc[0], TURN_DEG), 6) % TURN_DEG)
         nodes = nodes if gap_of(arc) else np.append(nodes, arc[1])
     return Shape(axis, (BSpline(tuple(nodes.tolist()), 1),) * 6)
 
@@ -216,7 +216,7 @@ def fitted(shape: Shape, positions: Array, motions: RigidMotions, priors: Priors
     bands, prior = shape.bands(priors)
     rows = motions.whitening @ shape.design(positions) * prior
     equations = Equations.of(rows, motions.whitening @ motions.errors.reshape(-1))
-    sizes = bands.likeliest_sizes(equations, priors, STEPS)
+    sizes = bands.likeliest_sizes(equations, priors, MOST_BAND_STEPS)
     posterior = Posterior.of(equations, sizes[bands.bands], 1.0)
     own = posterior.covariance * prior[:, None]
     determined = posterior.determined
@@ -225,7 +225,7 @@ def fitted(shape: Shape, positions: Array, motions: RigidMotions, priors: Priors
     estimator = own @ rows.T @ motions.whitening
     parameters, u = prior * posterior.mean, prior * np.sqrt(np.diag(posterior.covariance))
     degrees = tuple(
-        _degree(basis) if free else _largest(basis, np.abs(parameters[part]) > SHOWN * u[part])
+        _degree(basis) if free else _largest(basis, np.abs(parameters[part]) > SHOWN_DEGREE_U * u[part])
         for basis, free, part in zip(shape.bases, shape.free, shape.parts, strict=True)
     )
     return Curves(shape, parameters, estimator, between, degrees, _unresolved(shape, positions, own * prior))
@@ -243,7 +243,7 @@ def _unresolved(shape: Shape, positions: Array, covariance: Array) -> tuple[int,
     for x in (positions, (positions[1:] + positions[:-1]) / 2.0):
         rows = shape.design(x).reshape(len(x), 6, -1)
         squares.append(np.einsum("njp,pq,njq->j", rows, covariance, rows) / len(x))
-    return tuple(np.flatnonzero(squares[1] > UNSEEN**2 * squares[0]).tolist())
+    return tuple(np.flatnonzero(squares[1] > UNRESOLVED_RATIO**2 * squares[0]).tolist())
 
 
 def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
@@ -308,7 +308,7 @@ def _with_wobble(shape: Shape) -> tuple[tuple[Basis, ...], Array]:
         return shape.bases, np.eye(shape.size)
     low, high = shape.bases[0].interval
     bases = tuple(
-        Legendre((low, high), max(_degree(basis) or 0, DEGREE)) if across(shape.axis, j) else basis
+        Legendre((low, high), max(_degree(basis) or 0, ERROR_DEGREE)) if across(shape.axis, j) else basis
         for j, basis in enumerate(shape.bases)
     )
     x = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(101) + 0.5) / 101)

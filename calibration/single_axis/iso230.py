@@ -46,7 +46,7 @@ from rendering.shown import Shown
 
 ORDER = ("B", "mean", "E", "M", "R", "A")
 """Order of the values, by the first word of their symbols."""
-DIGITS = 6
+TARGET_DECIMALS = 6
 """Decimals, mm or degrees, to which target positions are rounded; equal ones are one target."""
 
 
@@ -345,7 +345,7 @@ def _axis_test(measurement: Measurement, name: str) -> AxisTest:
     if not np.all(approach):
         unknown = int(rows[np.argmin(np.abs(approach))])
         raise UserError(f"{measurement.where(unknown)}: the direction of approach of {name} to its target is unknown")
-    target = np.round(measurement.state.position(machine, name)[rows], DIGITS) + 0.0
+    target = np.round(measurement.state.position(machine, name)[rows], TARGET_DECIMALS) + 0.0
     direction = (approach < 0).astype(int)
     readings = measurement.observed[rows, 0] / unit_of(name)[1]
     u = instrument.u_um, 0.0 if axis.rotary else instrument.u_um_per_m

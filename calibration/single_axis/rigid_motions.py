@@ -24,8 +24,8 @@ from kinematics.forward import axis_pose, error_centre, error_pose
 from kinematics.machine import Axis
 from kinematics.transforms import Array, Pose, by_turn, read_only
 
-ROUNDS = 20
-CONVERGED = 1e-11
+RIGID_MOTION_ROUNDS = 20
+LAST_RIGID_STEP = 1e-11
 """Step, mm and rad, below which the iteration ends."""
 UNITS = read_only(np.array([1e-3] * 3 + [1e-6] * 3))
 """Factors from um and urad to mm and rad."""
@@ -90,7 +90,7 @@ def solve(axis: Axis, q: Array, points: Array, weights: Array) -> RigidMotions:
     gauge, location = _conditions(axis, _free(axis, q, _carried(nominal, body), nominal))
     conditions = np.pad(gauge, ((0, 0), (0, 3 * k)))
     errors = none
-    for _ in range(ROUNDS):
+    for _ in range(RIGID_MOTION_ROUNDS):
         pose = outward(axis, q, errors * UNITS)
         carried = _carried(pose, body)
         design = _design(axis, q, carried, pose)
@@ -99,7 +99,7 @@ def solve(axis: Axis, q: Array, points: Array, weights: Array) -> RigidMotions:
         estimator = _constrained(normal, conditions) @ weighted.T
         step = estimator @ (points - carried).reshape(-1)
         errors, body = errors + step[: 6 * n].reshape(n, 6), body + step[6 * n :].reshape(k, 3)
-        if np.abs(step * np.append(np.tile(UNITS, n), np.ones(3 * k))).max() < CONVERGED:
+        if np.abs(step * np.append(np.tile(UNITS, n), np.ones(3 * k))).max() < LAST_RIGID_STEP:
             break
     ours, theirs = slice(0, 6 * n), slice(6 * n, None)
     cross = normal[ours, theirs]

@@ -12,12 +12,12 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-LEAST_POSITIONS = 3
+LEAST_SERIES_POSITIONS = 3
 """Least number of positions of a series."""
-SAME = 1e-7
+SAME_COMMAND = 1e-7
 """Difference of commanded positions, mm and rad, below which they are the same."""
 PointNumbers = dict[tuple[str, tuple[int, ...]], int]
-"""Numbers of points by target and positions of all axes, in steps of SAME; 0 for axes that do not move the target."""
+"""Numbers of points by target and positions of all axes, in steps of `SAME_COMMAND`; 0 for axes that do not move the target."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def physical_points(measurement: Measurement) -> tuple[PointNumbers, np.ndarray]
     """Points by target and position of the axes that move it, and the number `(rows,)` of the point of each row."""
     assert measurement.state.target is not None
     names = measurement.state.target.astype(str).tolist()
-    rounded = np.round(measurement.state.positions / SAME).astype(int)
+    rounded = np.round(measurement.state.positions / SAME_COMMAND).astype(int)
     sides = {name: _side(measurement.machine, target.carrier) for name, target in measurement.targets.items()}
     point_numbers: PointNumbers = {}
     number = [
@@ -67,7 +67,7 @@ def all_series(measurement: Measurement, point_numbers: PointNumbers, number: np
     series = [one for i in outward_order if (one := _series(measurement, i, point_numbers, positions)) is not None]
     if not series:
         raise UserError(
-            f"{measurement.source}: no axis moves alone through {LEAST_POSITIONS} positions or more "
+            f"{measurement.source}: no axis moves alone through {LEAST_SERIES_POSITIONS} positions or more "
             "with targets on the part that it moves"
         )
     return series
@@ -82,7 +82,7 @@ def _series(measurement: Measurement, column: int, point_numbers: PointNumbers, 
         if measurement.targets[target].carrier == carrier:
             standing = (*key[:column], 0, *key[column + 1 :])
             lines.setdefault(standing, {}).setdefault(key[column], {})[target] = number
-    long = {key: line for key, line in lines.items() if len(line) >= LEAST_POSITIONS}
+    long = {key: line for key, line in lines.items() if len(line) >= LEAST_SERIES_POSITIONS}
     if not long:
         return None
     name = machine.axes[column].name
@@ -112,6 +112,6 @@ def _refuse_missing(
         missing = [target for target in targets if target not in observed]
         if missing:
             raise UserError(
-                f"{measurement.source}: {axis.name} at {q * SAME / scale:.4f} {axis.unit} lacks target "
+                f"{measurement.source}: {axis.name} at {q * SAME_COMMAND / scale:.4f} {axis.unit} lacks target "
                 f"{', '.join(missing)}"
             )

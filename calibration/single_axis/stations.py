@@ -24,8 +24,8 @@ from calibration.registration.registration import Registration, rigid
 from kinematics.transforms import Array, Pose, by_turn
 from kinematics.user_error import UserError
 
-ROUNDS = 20
-CONVERGED = 1e-9
+STATION_ROUNDS = 20
+LAST_STATION_STEP = 1e-9
 """Step, mm and rad, below which the iteration ends."""
 VARIANCE_CONVERGED = 1e-3
 """Relative change of the repeatability's variance below which its search ends."""
@@ -122,7 +122,7 @@ def _solve(bundle: _Bundle, poses: Registration) -> Points:
     scatter = _chi2(bundle, weights, positions, registration)
     variance = 0.0
     if dof > 0 and scatter > special.chdtri(dof, 1.0 - SIGNIFICANT):
-        for _ in range(ROUNDS):
+        for _ in range(STATION_ROUNDS):
             before, variance = variance, _repeatability(bundle, specified, positions, registration, dof)
             weights = _inverses(specified + variance * np.eye(3))
             positions, registration = _adjust(bundle, weights, positions, registration)
@@ -155,7 +155,7 @@ def _initial_positions(bundle: _Bundle, poses: Registration) -> Array:
 def _adjust(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> tuple[Array, Registration]:
     """Least-squares positions `(n, 3)`, mm, and poses, with the anchors nearest to their nominal positions."""
     size = 3 * bundle.size
-    for _ in range(ROUNDS):
+    for _ in range(STATION_ROUNDS):
         misfit = _misfit(bundle, positions, poses)
         designs = _designs(bundle, positions, poses)
         right = np.zeros(size + 6 * len(poses.poses))
@@ -168,7 +168,7 @@ def _adjust(bundle: _Bundle, weights: Array, positions: Array, poses: Registrati
         step = _bordered_solve(normal, frame, right, target)
         positions = positions + step[:size].reshape(-1, 3)
         poses = poses.moved(step[size:])
-        if np.abs(step).max() < CONVERGED:
+        if np.abs(step).max() < LAST_STATION_STEP:
             break
     return positions, poses
 

@@ -48,7 +48,7 @@ from kinematics.machine import Axis, Machine
 from kinematics.transforms import IDENTITY, Array, Pose
 from kinematics.user_error import UserError
 
-IN_LINE = 0.02
+FLAT_TRIANGLE_SHARE = 0.02
 """Flatness of the points' triangle, as a share of its length, below which they count as one line."""
 
 Kind = Literal["polynomial", "table"]
@@ -208,7 +208,7 @@ def _check(measurement: Measurement) -> None:
 def _refuse_line(measurement: Measurement, series: Series, points: stations.Points) -> None:
     observed = points.positions[series.numbers[0]]
     spread = np.linalg.svd(observed - observed.mean(axis=0), compute_uv=False)
-    if spread[1] < IN_LINE * spread[0]:
+    if spread[1] < FLAT_TRIANGLE_SHARE * spread[0]:
         raise UserError(
             f"{measurement.source}: the targets {', '.join(series.targets)} on "
             f"{measurement.machine.axes[series.column].name} lie in one line, and a rotation about it is unidentifiable"

@@ -16,12 +16,12 @@ from calibration.fit.cross_validation import CrossValidation, predicted_by_other
 from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
-from calibration.single_axis.series import LEAST_POSITIONS, all_series, physical_points
+from calibration.single_axis.series import LEAST_SERIES_POSITIONS, all_series, physical_points
 from calibration.single_axis.three_points import Choice, ThreePoints, identified
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
-APART = 4
+POSITION_BLOCKS = 4
 """Number of blocks into which the positions of an axis are divided in turn, so that neighbours of each one remain."""
 
 
@@ -74,7 +74,7 @@ def _blocks(measurement: Measurement) -> np.ndarray:
     block, observed = np.full(len(point_numbers), -1), np.zeros(len(point_numbers), int)
     for series in all_series(measurement, point_numbers, number):
         observed[series.numbers] += 1
-        if len(series.positions) > LEAST_POSITIONS:
-            block[series.numbers[1:-1]] = np.arange(len(series.positions) - 2)[:, None] % APART
+        if len(series.positions) > LEAST_SERIES_POSITIONS:
+            block[series.numbers[1:-1]] = np.arange(len(series.positions) - 2)[:, None] % POSITION_BLOCKS
     # a point that belongs to the series of two axes always stays
     return np.asarray(np.where(observed > 1, -1, block)[number])

@@ -32,7 +32,7 @@ from calibration.simulation.true_model import (
     read_half_widths,
 )
 from calibration.study.definition import (
-    DEFAULT_SPHERES,
+    SPHERES_BY_DEFAULT,
     CaseEntry,
     ErrorsEntry,
     FitEntry,
@@ -44,7 +44,7 @@ from calibration.study.spheres import sphere_plan
 from kinematics.effects import Effect
 from kinematics.machine import Machine, Vector
 from kinematics.running.workers import code
-from kinematics.state import REFERENCE
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC
 from kinematics.user_error import UserError
 
 CODE = (calibration.__name__, kinematics.__name__)
@@ -141,7 +141,7 @@ def _case(
         other_effects = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
         if instrument.OBSERVES == "offset":
             plan, distances = sphere_plan(entry, machine, instrument, folder)
-        elif entry.distances or entry.spheres != DEFAULT_SPHERES:
+        elif entry.distances or entry.spheres != SPHERES_BY_DEFAULT:
             raise UserError('spheres and distances are of instrument = { kind = "touch-probe" }')
         elif entry.strategy == OPTIMISED:
             plan, trackers = optimised(machine, instrument, _wish(entry, trackers, reach, machine)).plan, ()
@@ -149,7 +149,8 @@ def _case(
             plan = _plan(entry, machine, folder)
         tool = next(iter(plan.targets.values())).position
         sensors = {
-            name: (start - REFERENCE, end - REFERENCE) for name, (start, end) in study.instrument.temperature.items()
+            name: (start - REFERENCE_TEMPERATURE_DEGC, end - REFERENCE_TEMPERATURE_DEGC)
+            for name, (start, end) in study.instrument.temperature.items()
         }
         volume = _volume(study.volume, machine, tool, plan, sensors)
         case = Case(

@@ -16,11 +16,11 @@ from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Sca
 from calibration.fit.linear import Part
 from calibration.observation.full_model import stated_bases
 from calibration.study.cases import Case
-from kinematics.effects.geometric import TYPICAL
+from kinematics.effects.geometric import TYPICAL_MOTION_UM
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-SIZE = 50
+DRAWS_OF_CHUNK = 50
 """Number of draws of a chunk; the last of a case may have fewer."""
 MACHINES, NOISE = 0, 1
 """Streams of random numbers, common to all cases: these measure the same machines and differ only in the method."""
@@ -62,7 +62,7 @@ class Prepared:
         setup = case.setup()
         fits = Fits(Columns(setup, case.volumes, case.other_effects), case.true_models)
         prior = case.fit.prior
-        scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL
+        scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL_MOTION_UM
         scales = 1.0 if scale is None else scale, None
         return cls(case, setup, fits, _bases(case, fits, scale), scales, HeldOutLines.of(fits))
 
@@ -105,13 +105,13 @@ def work(case: Case, chunk: Chunk) -> Outcome:
 def prepared(key: str, case: Case) -> Prepared:
     """The case, prepared once in each process."""
     if key not in _prepared:
-        while len(_prepared) >= KEPT:
+        while len(_prepared) >= KEPT_CASES:
             _prepared.pop(next(iter(_prepared)), None)
         _prepared[key] = Prepared.of(case)
     return _prepared[key]
 
 
-KEPT = 2
+KEPT_CASES = 2
 _prepared: dict[str, Prepared] = {}
 
 

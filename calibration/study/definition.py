@@ -17,7 +17,7 @@ from kinematics.user_error import UserError
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Triple = tuple[float, float, float]
 Range = tuple[float, float]
-DEFAULT_SPHERES = 3
+SPHERES_BY_DEFAULT = 3
 """Number of spheres of a touch probe, where the case states none."""
 
 
@@ -109,7 +109,7 @@ class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     fit: FitEntry | None = None
     instrument: InstrumentEntry | None = None
     """Another instrument than that of the study."""
-    spheres: dict[str, Triple] | Annotated[int, msgspec.Meta(ge=1)] = DEFAULT_SPHERES
+    spheres: dict[str, Triple] | Annotated[int, msgspec.Meta(ge=1)] = SPHERES_BY_DEFAULT
     """Spheres of a touch probe: centres by name, mm, workpiece frame with all axes at 0; or their number."""
     distances: dict[str, Positive] = {}
     """Standard uncertainties, um, of calibrated distances between two spheres, s1.s2."""

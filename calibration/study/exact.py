@@ -21,8 +21,8 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.transforms import Array
 
-STEPS = 20
-CONVERGED = 1e-6
+MOST_EXACT_STEPS = 20
+LAST_EXACT_STEP = 1e-6
 """Largest component of the last step, as a share of the largest parameter."""
 
 
@@ -75,14 +75,14 @@ def _fitted(prepared: Prepared, parts: tuple[Part, ...], scales: Scales, drawn: 
     fits, setup, measured = prepared.fits, prepared.setup, measurement_of(prepared, drawn, number)
     model, registration = fits.columns.model(parts), setup.registration
     parameters = np.zeros(len(model.parameters))
-    for _ in range(STEPS):
+    for _ in range(MOST_EXACT_STEPS):
         residual = whitened(setup.white, residuals(measured, model, registration)).reshape(-1)
         residual = np.concatenate([residual, measured.instrument.stated_residuals(measured, registration)])
         step = fits.step(parts, scales, residual, parameters)
         registration = registration.moved(fits.columns.registered(parts, residual, step))
         parameters = parameters + step
         model = model.with_parameters(parameters)
-        if np.abs(step).max() < CONVERGED * max(1.0, float(np.abs(parameters).max())):
+        if np.abs(step).max() < LAST_EXACT_STEP * max(1.0, float(np.abs(parameters).max())):
             break
     return model
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.study.cases import Case
-from calibration.study.chunks import SIZE, Chunk, Outcome, prepared
+from calibration.study.chunks import DRAWS_OF_CHUNK, Chunk, Outcome, prepared
 from calibration.study.exact import Compared, compared
 from calibration.study.spread import outcomes
 from calibration.study.stopping import enough
@@ -16,7 +16,7 @@ from calibration.study.store import Store
 from kinematics.running.workers import Team
 from kinematics.transforms import Array
 
-AT_ONCE = 8
+CHUNKS_BETWEEN_CHECKS = 8
 """Number of chunks of a case between two checks of the stopping rule, which evaluates them one by one."""
 Progress = Callable[[int], None]
 
@@ -35,9 +35,12 @@ class Draws:
     def chunks(self, begun: int) -> list[Chunk]:
         """The next chunks of a case after those already begun."""
         if self.number is None:
-            last = min(begun + AT_ONCE, -(-self.most // SIZE))
-            return [Chunk(k, SIZE) for k in range(begun, last)]
-        return [Chunk(k, min(SIZE, self.number - k * SIZE)) for k in range(begun, -(-self.number // SIZE))]
+            last = min(begun + CHUNKS_BETWEEN_CHECKS, -(-self.most // DRAWS_OF_CHUNK))
+            return [Chunk(k, DRAWS_OF_CHUNK) for k in range(begun, last)]
+        return [
+            Chunk(k, min(DRAWS_OF_CHUNK, self.number - k * DRAWS_OF_CHUNK))
+            for k in range(begun, -(-self.number // DRAWS_OF_CHUNK))
+        ]
 
 
 @dataclass(frozen=True)

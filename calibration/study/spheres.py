@@ -13,9 +13,9 @@ from calibration.measurement.measurement import Distance
 from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan
 from calibration.probing.bodies import Artefact, Probe
-from calibration.probing.plan import POINTS, ProbeRequest, default_spheres, probe_plan
+from calibration.probing.plan import DEFAULT_CONTACTS, ProbeRequest, default_spheres, probe_plan
 from calibration.probing.predicted import predicted
-from calibration.study.definition import DEFAULT_SPHERES, CaseEntry
+from calibration.study.definition import SPHERES_BY_DEFAULT, CaseEntry
 from kinematics.machine import Machine, Vector
 from kinematics.user_error import UserError
 
@@ -48,7 +48,7 @@ def sphere_plan(
 
 
 def _read(entry: CaseEntry, machine: Machine, folder: Path) -> Plan:
-    if entry.points is not None or entry.tools or entry.spheres != DEFAULT_SPHERES:
+    if entry.points is not None or entry.tools or entry.spheres != SPHERES_BY_DEFAULT:
         raise UserError(f"{entry.strategy} has its own positions and spheres: delete points, spheres and tools")
     plan = read_plan(folder / entry.strategy, machine)
     if not plan.spheres:
@@ -66,7 +66,7 @@ def _made(entry: CaseEntry, machine: Machine, instrument: TouchProbe) -> Plan:
         Probe(tools[0] if tools else PROBE_TIP),
         Artefact(_spheres(entry, machine)),
         entry.strategy,
-        POINTS if entry.points is None else entry.points,
+        DEFAULT_CONTACTS if entry.points is None else entry.points,
         entry.ranges,
         entry.references,
         u_um=instrument.u_um,

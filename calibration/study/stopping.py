@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.transforms import Array
 
 LEVEL = 0.95
-LEAST = 3
+FEWEST_BATCHES = 3
 """Smallest number of batches: two hardly determine their scatter."""
 
 
@@ -36,4 +36,4 @@ def uncertainties(batches: Sequence[Array]) -> Estimates:
 
 def enough(batches: Sequence[Array], tolerance: float) -> bool:
     """True when twice the standard uncertainty of each estimate is within the tolerance (7.9.4 f)."""
-    return len(batches) >= LEAST and 2.0 * max(uncertainties(batches)) <= tolerance
+    return len(batches) >= FEWEST_BATCHES and 2.0 * max(uncertainties(batches)) <= tolerance

@@ -17,7 +17,7 @@ from kinematics.user_error import UserError
 Rule = Literal["guard band", "simple acceptance"]
 _NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
-COLDEST, HOTTEST = 5, 40
+COLDEST_DEGC, HOTTEST_DEGC = 5, 40
 """Ambient temperatures, degC, at which the electrical equipment of machines works, by IEC 60204-1, 4.4.3."""
 
 
@@ -140,9 +140,11 @@ def _faults(found: Details) -> Iterator[str]:
         yield f"certificate.end: {head.end} is before the begin, {head.begin}"
     if head.temperatures_degC is not None and head.temperatures_degC[1] < head.temperatures_degC[0]:
         yield "certificate.temperatures_degC: the highest is below the lowest: write [lowest, highest]"
-    if head.temperatures_degC is not None and any(not COLDEST <= each <= HOTTEST for each in head.temperatures_degC):
+    if head.temperatures_degC is not None and any(
+        not COLDEST_DEGC <= each <= HOTTEST_DEGC for each in head.temperatures_degC
+    ):
         yield (
-            f"certificate.temperatures_degC: beyond {COLDEST} to {HOTTEST} degC, in which machines are built to work "
+            f"certificate.temperatures_degC: beyond {COLDEST_DEGC} to {HOTTEST_DEGC} degC, in which machines are built to work "
             "(IEC 60204-1): write the temperatures of the place in degrees Celsius"
         )
     if head.issued > datetime.datetime.now(datetime.UTC).date() + datetime.timedelta(days=1):  # of any time zone

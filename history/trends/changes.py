@@ -9,14 +9,14 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import logsumexp
 
-from calibration.diagnosis.conclusion.verdict import CLEAR
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
 from calibration.diagnosis.search import PRESENT
 from history.trends.forecast import forecast
 from history.trends.model import Candidate, Kind, Structure
 from history.trends.series import day_of
 from kinematics.transforms import Array
 
-WITHIN = 0.95
+CHANGE_PROBABILITY = 0.95
 """Probability that a change lies between its two dates."""
 KINDS: tuple[Kind, ...] = ("change", "drift", "method")
 Form = Literal["change", "drift", "method", "walk"]
@@ -49,7 +49,7 @@ class Found:
         """
         of_machine = self.kind != "method"
         open_one = any((form != "method") != of_machine for form in self.tied_with)
-        return "tied" if open_one else "announced" if self.log_odds >= CLEAR else "likely"
+        return "tied" if open_one else "announced" if self.log_odds >= CLEAR_LOG_ODDS else "likely"
 
     @property
     def probability(self) -> float:
@@ -80,8 +80,8 @@ def _slow(structure: Structure) -> Found:
     drifts = float(logsumexp([log_prior + each.log_evidence for each, log_prior in structure.drifting()]))
     whole, both = float(logsumexp(base.log_evidences)), float(np.logaddexp(walks, drifts))
     steps: dict[Form, float] = {kind: whole + base.of_kind(kind) for kind in KINDS if kind != "drift"}
-    rivals = tuple(form for form, weight in steps.items() if weight > max(both - CLEAR, stays))
-    walk: tuple[Form, ...] = ("walk",) if drifts - walks < CLEAR else ()
+    rivals = tuple(form for form, weight in steps.items() if weight > max(both - CLEAR_LOG_ODDS, stays))
+    walk: tuple[Form, ...] = ("walk",) if drifts - walks < CLEAR_LOG_ODDS else ()
     ends = forecast(structure, times[[0, -1]])
     span = float(times[-1] - times[0])
     rate, u = float(np.diff(ends.mean)[0]) / span, float(np.hypot(*ends.u)) / span
@@ -97,7 +97,7 @@ def _found(structure: Structure, place: int, number: int) -> Found:
     log_odds = weights[own.kind] - stays
     rivals: dict[Form, float] = {form: weight for form, weight in weights.items() if form != own.kind}
     rivals["walk"] = walks
-    tied = tuple(form for form, weight in rivals.items() if weight > max(weights[own.kind] - CLEAR, stays))
+    tied = tuple(form for form, weight in rivals.items() if weight > max(weights[own.kind] - CLEAR_LOG_ODDS, stays))
     first, last, name = _place(structure.candidates, base.log_odds, own, structure.series.times)
     size, u = _size(structure, 1 + place)
     return Found(own.kind, name, size, u, log_odds, (first, last), tied)
@@ -116,7 +116,7 @@ def _place(candidates: Sequence[Candidate], log_odds: Array, own: Candidate, tim
     changes = [(each, odds) for each, odds in zip(candidates, log_odds, strict=True) if each.kind == "change"]
     share = np.exp([odds for _, odds in changes] - logsumexp([odds for _, odds in changes]))
     order = np.argsort(-share)
-    count = 1 + int(np.searchsorted(np.cumsum(share[order]), WITHIN))
+    count = 1 + int(np.searchsorted(np.cumsum(share[order]), CHANGE_PROBABILITY))
     chosen = sorted(changes[k][0].first for k in order[:count].tolist())
     likeliest = changes[int(order[0])][0]
     return float(times[chosen[0] - 1]), float(times[chosen[-1]]), likeliest.name

@@ -18,11 +18,11 @@ from scipy.special import logsumexp, ndtr
 from history.trends.model import Structure, White
 from kinematics.transforms import Array
 
-BAND = 0.95
+BAND_PROBABILITY = 0.95
 """Probability of the band."""
-LEAST = 1e-9
+LEAST_PROBABILITY_OF_NOISE = 1e-9
 """Probability, against the likeliest, below which a noise does not count."""
-BISECTIONS = 60
+BAND_BISECTIONS = 60
 """Steps to the ends of the band, each half as large as the one before."""
 
 
@@ -57,7 +57,7 @@ class Forecast:
         """The value `(t,)` below which the quantity is with a probability."""
         reach = 10.0 * self.deviations.max(axis=0)
         low, high = self.means.min(axis=0) - reach, self.means.max(axis=0) + reach
-        for _ in range(BISECTIONS):
+        for _ in range(BAND_BISECTIONS):
             middle = (low + high) / 2.0
             under = self.below(middle) < probability
             low, high = np.where(under, middle, low), np.where(under, high, middle)
@@ -66,7 +66,7 @@ class Forecast:
     @property
     def band(self) -> tuple[Array, Array]:
         """Lower and upper end `(t,)` of the band of 95 %."""
-        return self.quantile((1.0 - BAND) / 2.0), self.quantile((1.0 + BAND) / 2.0)
+        return self.quantile((1.0 - BAND_PROBABILITY) / 2.0), self.quantile((1.0 + BAND_PROBABILITY) / 2.0)
 
     def outside(self, limit: float) -> Array:
         """Probability `(t,)` that the size is above a limit."""
@@ -98,7 +98,7 @@ def _parts(structure: Structure, log_prior: float, times: Array) -> Iterator[_Pa
     ahead = np.array(values).T
     middle = float(np.median(series.values))
     log_evidences = structure.log_evidences
-    counted = np.flatnonzero(log_evidences > log_evidences.max() + np.log(LEAST)).tolist()
+    counted = np.flatnonzero(log_evidences > log_evidences.max() + np.log(LEAST_PROBABILITY_OF_NOISE)).tolist()
     shares = {id(white): _shared(white, series.times, times) for white in (structure.noises[k].white for k in counted)}
     for k in counted:
         noise, posterior = structure.noises[k], structure.posteriors[k]

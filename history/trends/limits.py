@@ -21,9 +21,9 @@ LIMIT = re.compile(
 )
 """A limit: squareness X-Y=0.02mm/300mm."""
 ANGLES = ("um/m", "urad")
-FIRST, LAST = 0.05, 0.95
+MAY_HAVE_LEFT, HAS_LEFT = 0.05, 0.95
 """Probabilities of being outside from which a quantity may have left its limits, and has."""
-REACH = 1.959964
+SIGMA_OF_95 = 1.959964
 """Standard deviations on each side that hold 95 %."""
 POWER = 0.8
 """Probability of a decision with which a measurement is worth its time: the usual power of a test (Cohen 1988)."""
@@ -110,8 +110,8 @@ class Leaving:
 def leaving(structure: Structure, ahead: Forecast, limit: float) -> Leaving:
     """When the quantity leaves its limit, by its forecast."""
     outside = ahead.outside(limit)
-    first = next((k for k, p in enumerate(outside.tolist()) if p >= FIRST), None)
-    last = next((float(t) for t, p in zip(ahead.times, outside.tolist(), strict=True) if p >= LAST), None)
+    first = next((k for k, p in enumerate(outside.tolist()) if p >= MAY_HAVE_LEFT), None)
+    last = next((float(t) for t, p in zip(ahead.times, outside.tolist(), strict=True) if p >= HAS_LEFT), None)
     methods = () if first is None or last == ahead.times[first] else _deciding(structure, ahead, first, limit)
     return Leaving(limit, float(outside[0]), None if first is None else float(ahead.times[first]), last, methods)
 
@@ -126,7 +126,7 @@ def _deciding(structure: Structure, ahead: Forecast, k: int, limit: float) -> tu
     found = []
     for name, u in latest_u(structure.series).items():
         after = variance * (u**2 + scatter) / (variance + u**2 + scatter)
-        margin, spread = REACH * float(np.sqrt(after)), float(np.sqrt(variance - after))
+        margin, spread = SIGMA_OF_95 * float(np.sqrt(after)), float(np.sqrt(variance - after))
 
         def within(size: float, spread: float = spread) -> float:
             return float(ndtr((size - mean) / spread) - ndtr((-size - mean) / spread))

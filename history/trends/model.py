@@ -26,19 +26,19 @@ from calibration.diagnosis.search import PRESENT
 from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from history.trends.series import Series
-from kinematics.error_model.priors import SIZES, Priors
+from kinematics.error_model.priors import SIZES_IN_TYPICAL, Priors
 from kinematics.transforms import Array
 
 Kind = Literal["change", "drift", "method"]
 LIFE_YEARS = 10.0
 """Years of use, in which a drift of typical rate gives an error of typical size, and a walk what axes repeat to."""
-FREE = 1e3
+UNKNOWN_LEVEL_SIZES = 1e3
 """Prior size of the level, in typical sizes: nothing is known of it."""
 WALKS = 0.5
 """Probability that a machine wanders: by seasons, its foundation, guides that run in; as likely as not."""
-STEP = 2.0
+LOG_VARIANCE_STEP = 2.0
 """Step of the logarithm of the variance of a result, by 1 / sqrt(n): n results tell it to sqrt(2 / n)."""
-LEAST = 1e-2
+LEAST_PROBABILITY_OF_NEIGHBOUR = 1e-2
 """Probability, against the structure that is found, below which a neighbour of it does not count: a band of 95 % leaves
 2.5 % on each side."""
 OF_STEPS: tuple[Kind, ...] = ("change", "method")
@@ -147,7 +147,7 @@ class Structure:
     def posteriors(self) -> list[Posterior]:
         """The posterior of the level and of the present terms, for each noise."""
         own = [0, *(1 + number for number in self.present)]
-        sizes = np.array([FREE * self.priors.error_motion_um, *self._absolute])
+        sizes = np.array([UNKNOWN_LEVEL_SIZES * self.priors.error_motion_um, *self._absolute])
         found = []
         for white, noises in groupby(self.noises, key=lambda each: each.white):
             equations = Equations.of(white.columns[:, own], white.values)
@@ -202,7 +202,7 @@ class Structure:
         explained = np.array([np.sum(across * (each.covariance @ across), axis=0) for each in posteriors]) / factors
         along = columns.T @ white.values - np.array([each.mean for each in posteriors]) @ across
         left = np.maximum(squares - explained, 0.0)
-        return log_gains_by_squares(left[:, :, None], along[:, :, None] ** 2, SIZES, factors[:, :, None])
+        return log_gains_by_squares(left[:, :, None], along[:, :, None] ** 2, SIZES_IN_TYPICAL, factors[:, :, None])
 
     @property
     def drift(self) -> int:
@@ -216,8 +216,8 @@ class Structure:
 
     def drifting(self) -> Iterator[tuple[Structure, float]]:
         """The structure with a drift of each size, with the logarithms of their prior odds."""
-        log_prior = self.candidates[self.drift].log_prior - float(np.log(len(SIZES)))
-        for size in SIZES.tolist():
+        log_prior = self.candidates[self.drift].log_prior - float(np.log(len(SIZES_IN_TYPICAL)))
+        for size in SIZES_IN_TYPICAL.tolist():
             yield self.without_drift.with_size(self.drift, size), log_prior
 
     def alternatives(self) -> Iterator[tuple[Structure, float]]:
@@ -236,7 +236,7 @@ class Structure:
             forms = [(base, weight)] if left_out else []
             for kind in OF_STEPS:
                 odds = weight + base.of_kind(kind)
-                if kind != left_out and odds > np.log(LEAST):
+                if kind != left_out and odds > np.log(LEAST_PROBABILITY_OF_NEIGHBOUR):
                     forms.append((base.with_term(base.best(kind)), odds))
             yield from ((each, odds + self.log_evidence - each.log_evidence) for each, odds in forms)
 
@@ -247,7 +247,9 @@ class Structure:
 
     def with_term(self, number: int) -> Structure:
         """The structure with another term, in its likeliest size."""
-        return max((self.with_size(number, size) for size in SIZES.tolist()), key=lambda each: each.log_evidence)
+        return max(
+            (self.with_size(number, size) for size in SIZES_IN_TYPICAL.tolist()), key=lambda each: each.log_evidence
+        )
 
     def with_size(self, number: int, size: float) -> Structure:
         """The structure with another term of a size."""
@@ -272,14 +274,14 @@ def _noises(series: Series, candidates: Sequence[Candidate], priors: Priors) -> 
     better than sizes of one to three, and would take the difference for a walk. Between two scatters that are made
     white, one times a factor stands for those of about the same variance.
     """
-    walks = [0.0, *(priors.non_repeatability_um / np.sqrt(LIFE_YEARS) * SIZES).tolist()]
-    of_walks = np.log([1.0 - WALKS, *[WALKS / len(SIZES)] * len(SIZES)]).tolist()
-    scatters, variance = (priors.non_repeatability_um * SIZES).tolist(), float(np.mean(series.u**2))
+    walks = [0.0, *(priors.non_repeatability_um / np.sqrt(LIFE_YEARS) * SIZES_IN_TYPICAL).tolist()]
+    of_walks = np.log([1.0 - WALKS, *[WALKS / len(SIZES_IN_TYPICAL)] * len(SIZES_IN_TYPICAL)]).tolist()
+    scatters, variance = (priors.non_repeatability_um * SIZES_IN_TYPICAL).tolist(), float(np.mean(series.u**2))
     for lower, upper in pairwise(scatters):
         ratio = float(np.log((variance + upper**2) / (variance + lower**2)))
-        count = int(np.ceil(ratio * np.sqrt(len(series.times)) / STEP))
+        count = int(np.ceil(ratio * np.sqrt(len(series.times)) / LOG_VARIANCE_STEP))
         between = np.geomspace(lower, upper, count, endpoint=False)
-        log_prior = -float(np.log(count * (len(SIZES) - 1)))
+        log_prior = -float(np.log(count * (len(SIZES_IN_TYPICAL) - 1)))
         for walk, of_walk in zip(walks, of_walks, strict=True):
             white = _white(series, candidates, lower, walk)
             for scatter in between.tolist():

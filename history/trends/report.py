@@ -12,9 +12,9 @@ import numpy as np
 
 from history.causes import cause_of_change
 from history.trends.changes import Found
-from history.trends.limits import FIRST, LAST, Leaving
+from history.trends.limits import HAS_LEFT, MAY_HAVE_LEFT, Leaving
 from history.trends.series import YEAR_S, Series, day_of, years_of
-from history.trends.trend import A_YEAR, FEWEST, Trend
+from history.trends.trend import A_YEAR, FEWEST_RESULTS, Trend
 from kinematics.files.number_text import odds_by_log, plus_minus, uncertainty
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, RED, Figure, Panel, area, bars_of_error, extent, grid, level, line
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 CHANGES = ("quantity", "what", "size and U (k=2)", "between", "odds", "verdict")
 NOW = ("quantity", "now, U (k=2)", "unit", "in a year, 95 %", "scatter", "results", "last")
-ACROSS = 2
+TRENDS_ACROSS = 2
 WORDS = {"change": "change", "drift": "slow change, a year", "method": "offset of the method"}
 
 
@@ -61,7 +61,7 @@ def leaving_sentences(trend: Trend, leaves: Leaving) -> Iterator[str]:
     limit, end = f"{leaves.limit:g} {trend.series.unit}", _month(float(trend.ahead.times[-1]))
     begin, name = float(trend.ahead.times[0]), trend.series.name
     if leaves.first is None:
-        yield f"{name} stays within {limit} until {end} with a probability of {1.0 - FIRST:.0%}, if nothing happens."
+        yield f"{name} stays within {limit} until {end} with a probability of {1.0 - MAY_HAVE_LEFT:.0%}, if nothing happens."
         return
     if leaves.last is None:
         until = f"from {_month(leaves.first)} on, and that is not certain before {end}"
@@ -70,7 +70,7 @@ def leaving_sentences(trend: Trend, leaves: Leaving) -> Iterator[str]:
         return
     else:
         until = f"between {_month(leaves.first)} and {_month(leaves.last)}"
-    yield f"{name} leaves {limit} {until} (probability {FIRST:.0%} and {LAST:.0%}), if nothing happens."
+    yield f"{name} leaves {limit} {until} (probability {MAY_HAVE_LEFT:.0%} and {HAS_LEFT:.0%}), if nothing happens."
     when = "now" if leaves.first == begin else f"by {day_of(leaves.first)}"
     chosen = leaves.chosen
     if chosen is not None:
@@ -94,7 +94,7 @@ def trend_sections(trends: Sequence[Trend], short: Sequence[Series]) -> Iterator
     if rows:
         yield Section("Changes", text, Table(CHANGES, rows))
     few = (
-        f"Quantities with fewer than {FEWEST} results have no trend: {', '.join(s.name for s in short)}."
+        f"Quantities with fewer than {FEWEST_RESULTS} results have no trend: {', '.join(s.name for s in short)}."
         if short
         else ""
     )
@@ -122,7 +122,7 @@ def _now_row(trend: Trend) -> tuple[str, ...]:
 
 
 def _figure(trends: Sequence[Trend]) -> Figure:
-    return grid(list(map(_panel, trends)), ACROSS)
+    return grid(list(map(_panel, trends)), TRENDS_ACROSS)
 
 
 def _panel(trend: Trend) -> Panel:

@@ -15,7 +15,7 @@ from history.trends.model import likeliest
 from history.trends.series import Series, day_of
 from kinematics.error_model.priors import Priors
 
-FEWEST = 3
+FEWEST_RESULTS = 3
 """Fewest results of a trend: from two, a change cannot be told from the scatter of the machine."""
 AHEAD_YEARS, A_YEAR = 2.0, 52
 """Length of a forecast, and its times in a year."""
@@ -61,8 +61,8 @@ def trends_of(
     series: Sequence[Series], priors: Priors, now: float, limits: Mapping[str, float]
 ) -> tuple[list[Trend], list[Series]]:
     """The trends of all quantities, and the series that are too short for one."""
-    found = [_trend(each, priors, now, limits.get(each.name)) for each in series if len(each.times) >= FEWEST]
-    return found, [each for each in series if len(each.times) < FEWEST]
+    found = [_trend(each, priors, now, limits.get(each.name)) for each in series if len(each.times) >= FEWEST_RESULTS]
+    return found, [each for each in series if len(each.times) < FEWEST_RESULTS]
 
 
 def _trend(series: Series, priors: Priors, now: float, limit: float | None) -> Trend:

@@ -29,12 +29,12 @@ from kinematics.state import State
 GEAR = (
     "Set the play of the gear, or replace the gear, the belt or the bearing; otherwise set the backlash of the control."
 )
-TURN = 360.0
-WHOLE = 0.02
+TURN_DEG = 360.0
+ORDER_OF_TURN_DIFFERENCE = 0.02
 """Relative difference of a period from a whole part of the turn up to which its order is given."""
 SMALL_WAVE = 0.05
 """Least amplitude of a harmonic in words, as a share of the largest."""
-LARGE = 1000.0
+DEGREES_FROM_URAD = 1000.0
 """Amplitude, urad, above which it is also given in degrees."""
 
 
@@ -206,15 +206,17 @@ class Cyclic(EffectBase, frozen=True, tag="cyclic"):
     @property
     def waves(self) -> tuple[str, ...]:
         """Orders of the turn of a rotary axis or lengths, and amplitudes of its largest harmonics."""
-        order, unit = round(TURN / self.period), self.parameter_table[1].unit
-        whole = self.axis[0] in "ABC" and order > 0 and abs(order * self.period / TURN - 1.0) < WHOLE
+        order, unit = round(TURN_DEG / self.period), self.parameter_table[1].unit
+        whole = (
+            self.axis[0] in "ABC" and order > 0 and abs(order * self.period / TURN_DEG - 1.0) < ORDER_OF_TURN_DIFFERENCE
+        )
         amplitudes = list(map(math.hypot, self.sine, self.cosine))
         found = []
         for k, amplitude in enumerate(amplitudes, start=1):
             if amplitude >= SMALL_WAVE * max(amplitudes):
                 length = f"wave of {self.period / k:.4g} {self._position_unit}"
                 name = f"order {order * k} of the turn" if whole else length
-                large = unit == "urad" and amplitude > LARGE
+                large = unit == "urad" and amplitude > DEGREES_FROM_URAD
                 degrees = f" ({math.degrees(amplitude * 1e-6):.3g} deg)" if large else ""
                 found.append(f"{name}: amplitude {amplitude:.4g} {unit}{degrees}")
         return tuple(found)

@@ -24,7 +24,7 @@ from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array
 
-TYPICAL = 30.0
+TYPICAL_MOTION_UM = 30.0
 """um or urad: error motions of machines in good order."""
 GEOMETRY = "Level the machine, scrape or shim the guide, or set the axis line; measure again."
 Motion = Literal["radial", "tilt"]
@@ -46,7 +46,7 @@ class ErrorMotion(EffectBase, frozen=True, tag="error-motion"):
         "Bearing, encoder or gear of the rotary axis: eccentric mounting, wear.",
         "Centre the encoder or the plate, check the bearing; measure again.",
     )
-    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("parameters", BY_DIRECTION, TYPICAL),)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("parameters", BY_DIRECTION, TYPICAL_MOTION_UM),)
 
     component: Component
     axis: str
@@ -150,7 +150,7 @@ class Racking(EffectBase, frozen=True, tag="racking"):
         "The two drives of a gantry are not synchronous, or their scales differ.",
         "Set the gantry offset of the second drive in the control, and check its scale.",
     )
-    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("lead_um", "um", TYPICAL),)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("lead_um", "um", TYPICAL_MOTION_UM),)
 
     axis: str
     cross: str

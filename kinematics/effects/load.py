@@ -10,7 +10,7 @@ import numpy as np
 
 from kinematics.basis import Interval, Legendre
 from kinematics.effects.base import BY_DIRECTION, COMPONENTS, UM, URAD, Component, EffectBase, own_motion, unit_of
-from kinematics.effects.geometric import TYPICAL, shift_of, with_shift
+from kinematics.effects.geometric import TYPICAL_MOTION_UM, shift_of, with_shift
 from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.forward import axis_pose
 from kinematics.machine import Machine, Vector
@@ -20,7 +20,7 @@ from kinematics.user_error import UserError
 
 DOWN = read_only(np.array([0.0, 0.0, -1.0]))
 """Direction of gravity in the frame of the bed."""
-ROUNDING = 1e-12
+ROUNDING_OF_DIRECTION = 1e-12
 """Component of a unit vector below which it is rounding."""
 NONE = 1e-9
 """um: typical size of a coefficient that has an effect of its own, and stays at 0 in a fit."""
@@ -113,7 +113,7 @@ class RamSag(EffectBase, frozen=True, tag="ram-sag"):
         sizes = np.repeat([metres**3 * UM, 1.5 * metres**2 * URAD], 3, axis=0)[:, :, 0].T
         values = self._directions(machine, state) * sizes
         (anywhere,) = self._directions(machine, general_state(machine))
-        for k in np.flatnonzero(np.abs(anywhere) > ROUNDING):
+        for k in np.flatnonzero(np.abs(anywhere) > ROUNDING_OF_DIRECTION):
             yield Columns(machine.index(self.axis), int(k), np.broadcast_to(values[:, [k]], (len(state), 1)))
 
     def _directions(self, machine: Machine, state: State) -> Array:
@@ -158,7 +158,7 @@ class CrossAxis(EffectBase, frozen=True, tag="cross-axis"):
         "The moving mass bends the structure: sag of an arm, twist of a column, shift of the table's weight.",
         "Counterbalance or stiffen the structure; otherwise a cross-axis table or the corrected program.",
     )
-    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficients", BY_DIRECTION, TYPICAL / 3),)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficients", BY_DIRECTION, TYPICAL_MOTION_UM / 3),)
 
     component: Component
     axis: str

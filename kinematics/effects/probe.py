@@ -15,7 +15,7 @@ from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import IDENTITY, Array
 
-ACROSS = 0.5
+LEAST_ACROSS_PROBE = 0.5
 """Least length of the part of x across the probe, of which the touches are in the direction."""
 
 
@@ -59,4 +59,4 @@ def turn_of_probe(machine: Machine, state: State) -> Array:
         if axis.side == "tool":
             pose = pose @ axis_pose(axis, q)
     (xx, xy), (yx, yy) = np.moveaxis(np.broadcast_to(pose.rotation, (len(state), 3, 3))[:, :2, :2], 0, 2)
-    return np.asarray(np.where(np.hypot(xx, xy) >= ACROSS, np.arctan2(-xy, xx), np.arctan2(yx, yy)))
+    return np.asarray(np.where(np.hypot(xx, xy) >= LEAST_ACROSS_PROBE, np.arctan2(-xy, xx), np.arctan2(yx, yy)))

@@ -14,7 +14,7 @@ from kinematics.machine import Machine
 from kinematics.state import TEMPERATURE, TIME, State
 from kinematics.transforms import Array
 
-DEGREE = 24
+HIGHEST_DEGREE = 24
 """The highest of a polynomial."""
 
 
@@ -48,8 +48,11 @@ class Unnamed(EffectBase, frozen=True, tag="unnamed"):
             raise ValueError(f"{self.name}: {len(self.variables)} variables take as many ranges")
         if not self.terms or any(len(term) != len(self.variables) for term in self.terms):
             raise ValueError(f"{self.name}: at least one term, of as many degrees as there are variables")
-        if len(set(self.terms)) != len(self.terms) or not 0 <= min(map(min, self.terms)) <= self._highest <= DEGREE:
-            raise ValueError(f"{self.name}: terms differ, and their degrees are 0 to {DEGREE}")
+        if (
+            len(set(self.terms)) != len(self.terms)
+            or not 0 <= min(map(min, self.terms)) <= self._highest <= HIGHEST_DEGREE
+        ):
+            raise ValueError(f"{self.name}: terms differ, and their degrees are 0 to {HIGHEST_DEGREE}")
         if len(self.coefficients) != len(self.terms):
             raise ValueError(
                 f"{self.name}: its terms take {len(self.terms)} coefficients, got {len(self.coefficients)}"

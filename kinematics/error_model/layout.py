@@ -6,7 +6,7 @@ import json
 import textwrap
 from typing import Any
 
-WIDTH = 120
+LINE_WIDTH = 120
 
 
 def to_json(value: Any) -> str:
@@ -18,7 +18,7 @@ def _layout(value: Any, indent: str, used: int) -> str:
     """`value` behind `used` columns of its first line, its further lines indented."""
     if not value or not isinstance(value, dict | list):
         return _flat(value)
-    if used + 3 * _least_values(value) < WIDTH and used + len(flat := _flat(value)) < WIDTH:
+    if used + 3 * _least_values(value) < LINE_WIDTH and used + len(flat := _flat(value)) < LINE_WIDTH:
         return flat
     inner = indent + "  "
     if isinstance(value, dict):
@@ -30,7 +30,7 @@ def _layout(value: Any, indent: str, used: int) -> str:
     if any(isinstance(member, dict | list | str) for member in value):
         lines = [_layout(member, inner, len(inner)) for member in value]
         return "[\n" + ",\n".join(inner + line for line in lines) + f"\n{indent}]"
-    numbers = textwrap.wrap(_flat(value)[1:-1], WIDTH - len(inner), break_long_words=False, break_on_hyphens=False)
+    numbers = textwrap.wrap(_flat(value)[1:-1], LINE_WIDTH - len(inner), break_long_words=False, break_on_hyphens=False)
     return "[\n" + "\n".join(inner + line for line in numbers) + f"\n{indent}]"
 
 
@@ -42,6 +42,6 @@ def _least_values(value: Any) -> int:
     """A lower bound of the number of values in `value`; each takes three characters of a list at least."""
     if not value or not isinstance(value, dict | list | tuple):
         return 1
-    if len(value) > WIDTH:
+    if len(value) > LINE_WIDTH:
         return len(value)
     return sum(map(_least_values, value.values() if isinstance(value, dict) else value))

@@ -23,12 +23,12 @@ from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.files.certificate import carried, is_certificate
 from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
-from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array
 from kinematics.turn import beyond, gap_of, spread_beyond
 from kinematics.user_error import UserError
 
-ROUNDING = 1e-9  # mm or degrees: positions come back from rad with an error far below this
+MODEL_ROUNDING = 1e-9  # mm or degrees: positions come back from rad with an error far below this
 LONGEST_FEATURE = np.deg2rad(40.0)
 """rad."""
 PLUGIN = "if it is an effect of your own, name its file with --plugin FILE.py; otherwise "
@@ -143,7 +143,10 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 if variable.startswith(TEMPERATURE):
                     sensor = variable.removeprefix(TEMPERATURE)
                     least, most = known.get(sensor, (-math.inf, math.inf))
-                    known[sensor] = max(least, low + REFERENCE), min(most, high + REFERENCE)
+                    known[sensor] = (
+                        max(least, low + REFERENCE_TEMPERATURE_DEGC),
+                        min(most, high + REFERENCE_TEMPERATURE_DEGC),
+                    )
         return known
 
     def part(self, keep: Callable[[Effect], bool]) -> ErrorModel:
@@ -237,7 +240,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         Units are mm, deg, s and K; for time and temperatures the name holds the variable behind the effect.
         """
         largest = {key: float(excess.max(initial=0.0)) for key, excess in self.excesses(machine, state).items()}
-        return {key: excess for key, excess in largest.items() if excess > ROUNDING}
+        return {key: excess for key, excess in largest.items() if excess > MODEL_ROUNDING}
 
     def excesses(self, machine: Machine, state: State) -> dict[tuple[str, str], Array]:
         """Distance of each row `(n,)` from the interval of each effect with rows outside; names and units as `outside`.

@@ -9,12 +9,12 @@ import numpy as np
 
 from kinematics.transforms import Array, read_only
 
-DEGREE = 6
-FEW = 24
+PIECE_DEGREE = 6
+FEW_STRETCHES = 24
 """Stretches of rows in one piece up to which they are evaluated one after the other."""
 TESTS = read_only(np.linspace(-1.0, 1.0, 16) * (1.0 - 1e-9))
 """Where a piece is tested, in its own coordinate -1 ... 1."""
-AT_TESTS = read_only(np.vander(TESTS, DEGREE + 1, increasing=True))
+AT_TESTS = read_only(np.vander(TESTS, PIECE_DEGREE + 1, increasing=True))
 
 
 class Pieces(NamedTuple):
@@ -47,7 +47,7 @@ class Pieces(NamedTuple):
         if self.number is not None:
             piece = self.number.take(piece)
         ends = np.append(np.flatnonzero(piece[1:] != piece[:-1]) + 1, len(piece)).tolist()
-        if len(ends) > FEW:
+        if len(ends) > FEW_STRETCHES:
             self._put(piece, x, values)
             return
         for first, end in pairwise([0, *ends]):  # a smooth path: no row is copied

@@ -18,7 +18,7 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.state import State
 from kinematics.transforms import Array
 
-ROUNDING = 4.0
+FLOAT_STEPS = 4.0
 """Steps between floating-point numbers by which a difference of positions may be wrong: of two sums, up and down."""
 
 
@@ -140,7 +140,7 @@ def clipped_in_turn(value: float, low: Array, high: Array) -> Array:
 
 def side_of(drive: Array | float, axis: Array | float, half: Array | float) -> Array:
     """Side of the play of an axis and its drive; 1 or -1 where they are half of the play apart but for rounding."""
-    behind, rounding = drive - np.asarray(axis), ROUNDING * np.spacing(np.abs(drive) + half)
+    behind, rounding = drive - np.asarray(axis), FLOAT_STEPS * np.spacing(np.abs(drive) + half)
     return np.asarray(np.where(np.abs(behind) >= half - rounding, np.sign(behind), behind / half))
 
 

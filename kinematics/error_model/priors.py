@@ -19,7 +19,7 @@ BANDS = (
     *((131, 185), (186, 262), (263, 1000)),
 )
 """First and last degree of each band, whose coefficients share one size: about half an octave each."""
-SIZES = read_only(np.array([0.1, 0.3, 1.0, 3.0, 10.0]))
+SIZES_IN_TYPICAL = read_only(np.array([0.1, 0.3, 1.0, 3.0, 10.0]))
 """Sizes of a term that may be there, in its typical sizes, equally likely: log-uniform over two decades."""
 OUTLIER_SIZES = read_only(np.array([0.02, 0.06, 0.2, 0.6, 2.0]))
 """Sizes of an outlier, mm or mrad, equally likely: a touch of the reflector to a wrong point."""

@@ -23,7 +23,7 @@ SAID = ("dcc:administrativeData", "dcc:measurementResults", "dcc:document")
 """The parts that the fingerprint counts."""
 MARK = "sha256"
 """Name of the element in the comment that has the fingerprint."""
-LARGEST = 64 * 2**20
+MOST_CERTIFICATE_BYTES = 64 * 2**20
 """Size of a certificate, bytes, that is still read: about ten times that of a calibration with 600 parameters."""
 LONGEST = 10_000_000
 """Characters in one text of a certificate: what libxml2 reads by default, and lxml and PTB's dcclib with it."""
@@ -91,7 +91,7 @@ def _document(root: ET.Element) -> bytes:
     if root.findtext("dcc:document/dcc:mimeType", "", SPACES) != COMPRESSED:
         return content
     reader = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)  # 16: with the header of gzip
-    content = reader.decompress(content, LARGEST)
+    content = reader.decompress(content, MOST_CERTIFICATE_BYTES)
     if not reader.eof:
         raise ValueError("the document is cut, or larger than what is read")
     return content
@@ -110,8 +110,10 @@ class _WithoutEntities(ET.TreeBuilder):
 
 def _root(data: bytes, where: str) -> ET.Element:
     """The root of a certificate; UserError for another file."""
-    if len(data) > LARGEST:
-        raise UserError(f"{where}: it has {len(data) / 2**20:.0f} MB, and at most {LARGEST // 2**20} MB are read")
+    if len(data) > MOST_CERTIFICATE_BYTES:
+        raise UserError(
+            f"{where}: it has {len(data) / 2**20:.0f} MB, and at most {MOST_CERTIFICATE_BYTES // 2**20} MB are read"
+        )
     try:
         root = ET.fromstring(data, ET.XMLParser(target=_WithoutEntities()))
     except UserError as fault:

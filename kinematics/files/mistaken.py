@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-HEAD = 4000
+KIND_HEAD_BYTES = 4000
 """Bytes by which the kind of a file is known."""
 KINDS = (
     (rb"PK\x03\x04", "a ZIP archive or a spreadsheet"),
@@ -46,7 +46,7 @@ CURES = {
 
 def kind_of_file(data: bytes) -> str:
     """Kind of the file that begins with these bytes, with an article; empty for an unknown one."""
-    head = data[:HEAD].removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
+    head = data[:KIND_HEAD_BYTES].removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
     return next((kind for begins, kind in KINDS if re.match(begins, head)), "")
 
 
@@ -54,7 +54,7 @@ def kind_of_program(path: Path) -> str:
     """`an NC program` for a file that is one; empty for all others, and for one that cannot be read."""
     try:
         with path.open("rb") as file:
-            kind = kind_of_file(file.read(HEAD))
+            kind = kind_of_file(file.read(KIND_HEAD_BYTES))
     except OSError:
         return ""
     return kind if kind == PROGRAM else ""

@@ -6,7 +6,7 @@ import math
 
 LEAST_P = 1e-300
 """Probability below which its value is not shown."""
-LARGEST = 700.0
+LARGEST_LOG_ODDS = 700.0
 """Largest logarithm of odds whose odds are a number."""
 TELLING = 1e6
 """Odds beyond which their size says nothing more."""
@@ -41,7 +41,7 @@ def odds(value: float) -> str:
 
 def odds_by_log(log_odds: float) -> str:
     """Odds in words, by their natural logarithm."""
-    return odds(math.exp(min(log_odds, LARGEST)))
+    return odds(math.exp(min(log_odds, LARGEST_LOG_ODDS)))
 
 
 def amount(value: float, unit: str) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from kinematics.files.mistaken import number_hint
 from kinematics.user_error import UserError
 
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 """Largest accepted number, so that the squares of mistyped numbers stay finite."""
 LENGTHS: Mapping[str, float] = {"mm": 1.0, "m": 1e3, "inch": 25.4, "um": 1e-3}
 """Size of each unit, mm."""
@@ -33,7 +33,7 @@ ZERO_DEGC: Mapping[str, float] = {"degC": 0.0, "K": 273.15, "degF": 32.0 * 5.0 /
 
 ABSOLUTE_ZERO = -273.15
 """Absolute zero, degC."""
-HOTTEST = 200.0
+WRONG_UNIT_DEGC = 200.0
 """Temperature, degC, above which a number is in another unit: kelvin, or hundredths."""
 
 
@@ -53,12 +53,12 @@ def numbered_lines(data: bytes) -> list[tuple[int, str]]:
 
 
 def number_of(cell: str) -> float | None:
-    """The number in a cell; None for other text and for numbers beyond LARGEST."""
+    """The number in a cell; None for other text and for numbers beyond `LARGEST_NUMBER`."""
     try:
         value = float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
         return None
-    return value if abs(value) <= LARGEST else None
+    return value if abs(value) <= LARGEST_NUMBER else None
 
 
 def number_at(cell: str, where: str, decimal: str = ".") -> float:
@@ -84,6 +84,6 @@ def checked_degrees(value: float, where: str) -> float:
     """A temperature, degC; UserError, beginning with `where`, if it is not that of a machine."""
     if value < ABSOLUTE_ZERO:
         raise UserError(f"{where}: {value:g} degC is below absolute zero ({ABSOLUTE_ZERO:g})")
-    if value > HOTTEST:
+    if value > WRONG_UNIT_DEGC:
         raise UserError(f"{where}: {value:g} degC is no temperature of a machine: write degC (is this kelvin?)")
     return value

@@ -19,7 +19,7 @@ ISO = "iso"
 """Form of time stamps in ISO 8601."""
 ZONE = "zone"
 """Header key of the zone of the time stamps of a file."""
-HOUR = 3600.0
+SUMMER_TIME_STEP_S = 3600.0
 """Step of the clock to and from summer time, s."""
 _CURE = f"state the zone of the clock ('# {ZONE}: Europe/Berlin' in the file, or in [header] of its column map)"
 
@@ -88,8 +88,8 @@ def _check_steps(seconds: Array, where: Callable[[int], str], of_unknown_zone: b
             f"by time; at the end of summer time {_CURE}"
         )
     usual = float(np.median(steps)) if len(steps) else 0.0
-    jumps = np.flatnonzero(np.abs(steps - usual - HOUR) <= usual)
-    if len(jumps) and of_unknown_zone and usual < HOUR / 2.0:
+    jumps = np.flatnonzero(np.abs(steps - usual - SUMMER_TIME_STEP_S) <= usual)
+    if len(jumps) and of_unknown_zone and usual < SUMMER_TIME_STEP_S / 2.0:
         row = int(jumps[0])
         raise UserError(
             f"{where(row + 1)}: the time steps by {steps[row] / 60.0:g} min, one hour more than from row to row, as to "

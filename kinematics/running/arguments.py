@@ -19,7 +19,7 @@ from typing import Any
 from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 
-SHOWN = 60
+SHOWN_CHARACTERS = 60
 """Largest number of characters of a refused value in a message."""
 MADE_BY = {
     "Conditions": "ncomp.conditions",
@@ -70,7 +70,7 @@ def _parsed(annotation: str) -> ast.expr:
 
 def _shown(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= SHOWN and text.isprintable() else f"<{type(value).__name__}>"
+    return text if len(text) <= SHOWN_CHARACTERS and text.isprintable() else f"<{type(value).__name__}>"
 
 
 def _converted(value: Any, kind: ast.expr) -> Any:

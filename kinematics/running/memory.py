@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-KEPT = 32 << 20
+KEPT_FREED_BYTES = 32 << 20
 """Bytes of freed memory that the process keeps."""
 FROM_HEAP = 32 << 20
 """Size of a column in bytes up to which it comes from there; the C library allows no more."""
@@ -20,6 +20,6 @@ def keep_freed_memory() -> None:
     try:
         library = ctypes.CDLL(None)
         library.mallopt(M_MMAP_THRESHOLD, FROM_HEAP)
-        library.mallopt(M_TRIM_THRESHOLD, KEPT)
+        library.mallopt(M_TRIM_THRESHOLD, KEPT_FREED_BYTES)
     except (AttributeError, OSError, TypeError):
         pass

@@ -89,12 +89,12 @@ SIEMENS_FOLLOWED: dict[str, Iterable[float]] = {
     "planes": shared.PLANES,
     "inch, mm": siemens.UNITS,
     "absolute, incremental": shared.DISTANCES,
-    "feed": siemens.FEED_MODES,
+    "feed": siemens.FEED_TYPES,
     "work offsets": siemens.WORK_OFFSETS,
     "machine coordinates, reference positions: the move stays": siemens.MACHINE | siemens.REFERENCE,
     "limits": siemens.LIMITS,
     "poles": siemens.POLES,
-    "radius compensation": (*siemens.COMPENSATION, siemens.COMPENSATION_END),
+    "radius compensation": (*siemens.CUTTER_RADIUS, siemens.CUTTER_RADIUS_END),
 }
 SIEMENS_WORDS: dict[str, Iterable[str]] = {
     "polar coordinates": ("AP=", "RP="),

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from kinematics.columns import ChainColumns, Vector, length, minus, rows_of, vector
-from kinematics.correction import CONVERGED, Uncorrected, correct_orientation, correct_position
+from kinematics.correction import LAST_CORRECTION_STEP, Uncorrected, correct_orientation, correct_position
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
@@ -67,7 +67,7 @@ def correct_ends(
     orientation: ErrorModel | None = None,
     conditions: Conditions = COLD,
     approach: Array | None = None,
-    precision: float = CONVERGED,
+    precision: float = LAST_CORRECTION_STEP,
 ) -> Correction:
     """The correction of the end points alone. precision: that of `correct_position`."""
     nominal, states = motions.machine_target, conditions.states(approach)
@@ -87,7 +87,7 @@ def corrected_positions(
     tool: Array,
     movable: NDArrayBool,
     shift: ArrayLike = (0.0, 0.0, 0.0),
-    precision: float = CONVERGED,
+    precision: float = LAST_CORRECTION_STEP,
     before: PoseErrors | None = None,
     written: Motions | None = None,
 ) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from msgspec.structs import replace
 
-from kinematics.error_model.model import ROUNDING, ErrorModel
+from kinematics.error_model.model import MODEL_ROUNDING, ErrorModel
 from kinematics.machine import NDArrayBool
 from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
@@ -14,7 +14,7 @@ from postproc.compensation.correction import Correction
 from postproc.motion.motions import Motions
 from postproc.text.line_numbers import ranges, shortened
 
-SHARES = (0.25, 0.5, 0.75)
+EXAMINED_ARC_SHARES = (0.25, 0.5, 0.75)
 """Shares of an arc at which its points are examined; a straight line between two positions of a range is inside it."""
 
 
@@ -33,7 +33,7 @@ class LeftOutside:
             return np.zeros(0, int)
         rows = self._outside(motions, motions.machine_target) & motions.programmed
         arcs = np.isin(np.arange(len(motions)), sorted(motions.arcs))
-        for share in SHARES if arcs.any() else ():
+        for share in EXAMINED_ARC_SHARES if arcs.any() else ():
             rows |= arcs & self._outside(motions, motions.in_machine(motions.along(share)))
         self.lines += motions.line[rows & motions.evaluated].tolist()
         return np.unique(motions.block[rows])
@@ -66,5 +66,5 @@ class LeftOutside:
         excesses = self._model.excesses(motions.machine, self._conditions.state(positions))
         for (name, _), excess in excesses.items():
             if f" in {TEMPERATURE}" not in name:
-                found |= excess > ROUNDING
+                found |= excess > MODEL_ROUNDING
         return found

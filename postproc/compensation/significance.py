@@ -14,7 +14,7 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.compensation.datum import DatumPrediction
 
-COVERAGE = 2.0
+COVERAGE_FACTOR = 2.0
 """Coverage factor k: improvements and deviations above k standard uncertainties are significant."""
 
 
@@ -39,11 +39,11 @@ class Significance(msgspec.Struct):
         """
         gained, moves = before - after, np.broadcast_to(moves, before.shape)
         self.improvement += float((moves * gained).sum())
-        self.significant += float((moves * gained)[gained > COVERAGE * u].sum())
+        self.significant += float((moves * gained)[gained > COVERAGE_FACTOR * u].sum())
         self.uncertain |= bool(np.any(u > 0.0))
         worthwhile = before > self.tolerance_um
         self.worthwhile += int(moves[worthwhile].sum())
-        self.unsure += int(moves[worthwhile & (u > 0.0) & (gained <= COVERAGE * u)].sum())
+        self.unsure += int(moves[worthwhile & (u > 0.0) & (gained <= COVERAGE_FACTOR * u)].sum())
 
     @property
     def share(self) -> float | None:
@@ -56,7 +56,7 @@ class Significance(msgspec.Struct):
         """Text with the number of moves that are not significant."""
         return (
             f"for {self.unsure} of {self.worthwhile} moves with a predicted error above {self.tolerance_um:g} um the "
-            f"predicted improvement is below {COVERAGE:g} times its standard uncertainty: "
+            f"predicted improvement is below {COVERAGE_FACTOR:g} times its standard uncertainty: "
             "the calibration is not certain enough for this program"
         )
 

@@ -15,12 +15,12 @@ from msgspec.structs import replace
 from kinematics.effects.base import own_motion
 from kinematics.effects.control import WorkpieceSurface
 from kinematics.error_model.joined import joined
-from kinematics.error_model.model import ROUNDING, ErrorModel
+from kinematics.error_model.model import MODEL_ROUNDING, ErrorModel
 from kinematics.machine import NDArrayBool
 from kinematics.touch_off import TouchOff, touch_off
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.datum import deviations
-from postproc.compensation.left_outside import SHARES
+from postproc.compensation.left_outside import EXAMINED_ARC_SHARES
 from postproc.compensation.predicted_error import in_a_program
 from postproc.control.setup import Setup
 from postproc.motion.motions import Motions
@@ -98,9 +98,9 @@ def _beyond(motions: Motions, axes: dict[int, tuple[float, float]]) -> NDArrayBo
     beyond = np.zeros(len(motions), bool)
     if not axes:
         return beyond
-    for share in (0.0, *(SHARES if motions.arcs else ()), 1.0):
+    for share in (0.0, *(EXAMINED_ARC_SHARES if motions.arcs else ()), 1.0):
         x = motions.in_machine(motions.along(share))
         rows = motions.evaluated & follows_surface(motions) if share == 1.0 else motions.evaluated_paths
         for i, (low, high) in axes.items():
-            beyond |= rows & (np.maximum(low - x[:, i], x[:, i] - high) > ROUNDING)
+            beyond |= rows & (np.maximum(low - x[:, i], x[:, i] - high) > MODEL_ROUNDING)
     return beyond

@@ -23,13 +23,13 @@ from postproc.motion.frames import cartesian
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
 
-TURNED = 1e-3
+NOTED_TURN_DEG = 1e-3
 """Difference of a rotary position, degrees, above which a note is given."""
 NOTE_TURNED = (
     "{name} is first used at {at}, and its touch-off is assumed elsewhere: if it was touched off there, give --datum "
     "{name}=probed@{at}"
 )
-LISTED = 12
+LISTED_TOUCH_OFFS = 12
 """Largest number of listed touch-offs; a program that sets its work offsets itself may have any number."""
 
 
@@ -129,7 +129,7 @@ class UsedDatums(msgspec.Struct):
             positions = np.array(touch_off.position)
             known = (motions.known[row] == Known.PROGRAM) & machine.rotary
             q = np.where(known, motions.target[row] + frame.offset, positions)
-            away = np.flatnonzero(np.abs(q - positions) > TURNED)
+            away = np.flatnonzero(np.abs(q - positions) > NOTED_TURN_DEG)
             given = any(machine.names[i] in self.setup.datum(touch_off.name).at for i in np.flatnonzero(machine.rotary))
             at = ",".join(f"{machine.names[i]}{q[i]:g}" for i in away)
             self._turned_notes[touch_off.name] = (
@@ -151,14 +151,14 @@ class UsedDatums(msgspec.Struct):
         if model.effects:
             shifts = deviations(machine, model, [used.touch_off for used in self.used], conditions)
             self.used = [replace(used, shift=shift) for used, shift in zip(self.used, shifts, strict=True)]
-            for used in self.used[:LISTED]:
+            for used in self.used[:LISTED_TOUCH_OFFS]:
                 self._look_outside(machine, model, used.touch_off, conditions)
 
     def _look_outside(self, machine: Machine, model: ErrorModel, touch_off: TouchOff, conditions: Conditions) -> None:
         q, _ = poses(machine, [touch_off])
         for axis, value in zip(machine.axes, q[0] / machine.scale, strict=True):
             low, high = axis.travel
-            if not low - TURNED <= value <= high + TURNED:
+            if not low - NOTED_TURN_DEG <= value <= high + NOTED_TURN_DEG:
                 self._outside.append(
                     f"the touch-off of {touch_off.name} takes {axis.name} to {value:.4g} {axis.unit}, outside its "
                     f"travel {low:g}..{high:g} {axis.unit}: check the work offset and the length of the probe"
@@ -170,14 +170,14 @@ class UsedDatums(msgspec.Struct):
 
     def facts(self, offsets: Iterable[str]) -> list[tuple[str, str]]:
         """Texts for the user: all touch-offs, and those work offsets of `offsets` that are true."""
-        rows = [fact for used in self.used[:LISTED] for fact in used.facts()]
-        if len(self.used) > LISTED:
-            rows.append(("datum", f"{len(self.used) - LISTED} more are not listed"))
+        rows = [fact for used in self.used[:LISTED_TOUCH_OFFS] for fact in used.facts()]
+        if len(self.used) > LISTED_TOUCH_OFFS:
+            rows.append(("datum", f"{len(self.used) - LISTED_TOUCH_OFFS} more are not listed"))
         return [*rows, *(("datum", f"{name}: true") for name in self._true(offsets))]
 
     def json(self, offsets: Iterable[str]) -> list[dict[str, Any]]:
         """The machine-readable form of `facts`."""
-        listed = [used.json() for used in self.used[:LISTED]]
+        listed = [used.json() for used in self.used[:LISTED_TOUCH_OFFS]]
         return [*listed, *({"work_offset": name, "obtained": "true"} for name in self._true(offsets))]
 
     def _true(self, offsets: Iterable[str]) -> list[str]:

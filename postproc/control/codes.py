@@ -8,7 +8,7 @@ AXES = "XYZABCUVW"
 INCH = 25.4
 UNIT_NAMES = {"mm": 1.0, "inch": INCH}
 """Units of a control, mm, by their names in options and machine files."""
-LARGEST = 1e9
+LARGEST_CODE = 1e9
 """No control has a number of this size."""
 
 MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}

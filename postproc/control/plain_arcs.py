@@ -10,7 +10,7 @@ from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
 from postproc.motion.arcs import CENTRES, centre_letters
 from postproc.motion.circle_columns import centres_by_radius
-from postproc.motion.circles import RADIUS_TOLERANCE_MM, RADIUS_TOLERANCE_RATIO, SAME
+from postproc.motion.circles import RADIUS_TOLERANCE_MM, RADIUS_TOLERANCE_RATIO, SAME_POINT_MM
 from postproc.motion.moves import Arc, Known
 from postproc.motion.plain_moves import PlainMoves
 from postproc.text.blocks import PlainRun
@@ -57,7 +57,7 @@ def plain_arcs(
     around = (0.0 if modes.absolute else start) + words.centre
     by_radius = words.radius_at >= 0
     centre = np.where(by_radius, centres_by_radius(start, end, words.radius, senses), around)
-    short = np.abs(end - start) / 2 - np.abs(words.radius) > SAME
+    short = np.abs(end - start) / 2 - np.abs(words.radius) > SAME_POINT_MM
     begun, ended = np.abs(start - around), np.abs(end - around)
     missing = (words.at < 0).any(axis=1) if modes.absolute else (words.at < 0).all(axis=1)
     out_of_round = np.abs(begun - ended) > np.maximum(RADIUS_TOLERANCE_MM, RADIUS_TOLERANCE_RATIO * begun)
@@ -68,7 +68,7 @@ def plain_arcs(
     )
     strange |= words.outside | ~known
     number = int(strange.argmax()) if strange.any() else len(rows)
-    full = (np.abs(end - start) < SAME) & ~by_radius
+    full = (np.abs(end - start) < SAME_POINT_MM) & ~by_radius
     forms = ("radius-absolute" if modes.absolute else "radius", "absolute" if modes.absolute else "incremental")
     columns = (rows, senses, centre, full, by_radius, words.at, words.radius_at)
     arcs: dict[int, Arc] = {}

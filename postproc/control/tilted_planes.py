@@ -14,7 +14,7 @@ from postproc.motion.frames import Placement
 
 WITHIN_TRAVEL = 1e-6
 """Degrees: a position that is no farther outside travel is taken."""
-DIGITS = 9
+TILT_DECIMALS = 9
 """Decimals of a position in degrees; later ones are rounding."""
 
 
@@ -60,7 +60,7 @@ def _wound(machine: Machine, axis: int, angle: float, here: float) -> float | No
     """The angle with the whole turns, degrees, nearest to `here` inside travel; None where none is inside."""
     low, high = machine.axes[axis].travel
     near = angle + 360.0 * round((here - angle) / 360.0)
-    wound = [round(near + turns, DIGITS) + 0.0 for turns in (0.0, -360.0, 360.0)]
+    wound = [round(near + turns, TILT_DECIMALS) + 0.0 for turns in (0.0, -360.0, 360.0)]
     return next((at for at in wound if low - WITHIN_TRAVEL <= at <= high + WITHIN_TRAVEL), None)
 
 

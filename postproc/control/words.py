@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-from postproc.control.codes import LARGEST
+from postproc.control.codes import LARGEST_CODE
 from postproc.text.block import Block, Refusal, Word
 from postproc.text.expressions import Constant, Formula
 
@@ -31,7 +31,7 @@ class Content:
 
 def value_of(block: Block, word: Word) -> float:
     """The number of a word; Refusal where the program does not give it, or no control reads it."""
-    if word.value is None or not abs(word.value) < LARGEST:
+    if word.value is None or not abs(word.value) < LARGEST_CODE:
         raise no_number(block, word)
     return word.value
 
@@ -39,7 +39,7 @@ def value_of(block: Block, word: Word) -> float:
 def no_number(block: Block, word: Word) -> Refusal:
     """The exception for a word without a number that can be used."""
     if word.value is not None:
-        return block.refuse(f"{word.address} has a number that no control reads: write one below {LARGEST:g}")
+        return block.refuse(f"{word.address} has a number that no control reads: write one below {LARGEST_CODE:g}")
     return block.refuse(
         f"{block.text[word.at : word.end]}: its value is known only while the program runs: assign the variable "
         "in the program or write a number"

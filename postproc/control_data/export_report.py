@@ -13,7 +13,7 @@ from rendering.figures import AFTER, BEFORE, Figure, ranked
 from rendering.report import Report, Section, Table
 from rendering.volume import volume_section
 
-DRAWN = 12
+DRAWN_ERRORS = 12
 """Most errors in the figure; the table has all."""
 COLOURED = (("rms", BEFORE), ("max", AFTER))
 """Drawn sizes."""
@@ -72,7 +72,7 @@ def _left(title: str, left: Sequence[Unrepresented]) -> Iterator[Section]:
     if not left:
         return
     known = sorted((item for item in left if not math.isnan(item.rms_um)), key=lambda item: -item.rms_um)
-    bars = [(item.name, item.rms_um, AFTER) for item in known[:DRAWN]]
+    bars = [(item.name, item.rms_um, AFTER) for item in known[:DRAWN_ERRORS]]
     drawn = partial(ranked, bars, "RMS at the tool point, um", "um")
     rows = [(item.name, "" if math.isnan(item.rms_um) else f"{item.rms_um:.2f}", item.why) for item in left]
     yield Section(title, table=Table(("error", "RMS, um", "reason"), rows), figure=drawn if known else None)

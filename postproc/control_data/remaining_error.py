@@ -21,9 +21,9 @@ from postproc.control_data.tables.target import Target
 from postproc.motion.along import INNER
 from postproc.motion.motions import Motions
 
-GRID = 4096
+REMAINING_POSITIONS = 4096
 """Positions of the volume at which errors are calculated."""
-SEED = 230
+REMAINING_SEED = 230
 TOLERANCE_UM = 1.0
 
 Move = Callable[[Array, Array], Array]
@@ -53,8 +53,8 @@ class EvaluationPoints:
 
 def volume_points(target: Target) -> EvaluationPoints:
     """Points evenly spread over the travels of all axes, approached from either side."""
-    q = target.volume(GRID) * target.machine.scale
-    approach = np.random.default_rng(SEED).choice([-1.0, 1.0], q.shape)
+    q = target.volume(REMAINING_POSITIONS) * target.machine.scale
+    approach = np.random.default_rng(REMAINING_SEED).choice([-1.0, 1.0], q.shape)
     return EvaluationPoints(q, approach, np.broadcast_to(target.tool, (len(q), 3)))
 
 

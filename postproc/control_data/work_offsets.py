@@ -23,7 +23,7 @@ from postproc.control.setup import parse_work_offset
 Control = Literal["linuxcnc", "fanuc", "siemens", "heidenhain"]
 NUMBERS = {f"G{53 + n}": n for n in range(1, 7)}
 """Numbers of the work offsets in these programs."""
-DECIMALS = 4
+OFFSET_DECIMALS = 4
 
 
 def offset_program(machine: Machine, drift: ErrorModel, offset: str, control: Control, remarks: Sequence[str]) -> str:
@@ -39,14 +39,14 @@ def offset_program(machine: Machine, drift: ErrorModel, offset: str, control: Co
         known = "G54 to G57" if control == "siemens" else "G54 to G59"
         raise UserError(f"--work-offset {offset}: a program for {control} sets one of {known}")
     shift = dict(zip("XYZ", (-_error(machine, drift, name, values)).tolist(), strict=True))
-    moved = {axis: round(values.get(axis, 0.0) + shift[axis], DECIMALS) + 0.0 for axis in "XYZ"}
+    moved = {axis: round(values.get(axis, 0.0) + shift[axis], OFFSET_DECIMALS) + 0.0 for axis in "XYZ"}
     changes = ", ".join(f"{axis} {1e3 * change:+.1f}" for axis, change in shift.items())
     lines = [
         *remarks,
         f"{name} MOVES BY {changes} UM - MINUS THE DRIFT OF THE TOOL RELATIVE TO THE WORKPIECE - ISO 841",
     ]
     if control == "heidenhain":
-        shown = {axis: round(change, DECIMALS) + 0.0 for axis, change in shift.items()}
+        shown = {axis: round(change, OFFSET_DECIMALS) + 0.0 for axis, change in shift.items()}
         return _klartext(shown, [*lines, "CALL IT BEFORE THE PROGRAM - A CYCLE 7 OF THE PROGRAM REPLACES IT"])
     return (_siemens if control == "siemens" else _iso)(NUMBERS[name], moved, lines, control)
 
@@ -61,7 +61,7 @@ def _error(machine: Machine, drift: ErrorModel, name: str, values: Mapping[str, 
 
 
 def _iso(number: int, values: Mapping[str, float], lines: Sequence[str], control: str) -> str:
-    words = " ".join(f"{axis}{value:.{DECIMALS}f}" for axis, value in values.items())
+    words = " ".join(f"{axis}{value:.{OFFSET_DECIMALS}f}" for axis, value in values.items())
     remarks = [f"({line})" for line in (*lines, "IT LEAVES G21 G90 IN FORCE")]
     sets = ["G21 G90", f"G10 L2 P{number} {words}", "M30"]
     tape = control == "fanuc"
@@ -70,11 +70,11 @@ def _iso(number: int, values: Mapping[str, float], lines: Sequence[str], control
 
 def _siemens(number: int, values: Mapping[str, float], lines: Sequence[str], _: str) -> str:
     remarks = [f"; {line}" for line in (*lines, "MM - CALL THE WORK OFFSET AGAIN BEHIND IT - FINE PARTS STAY")]
-    sets = [f"$P_UIFR[{number},{axis},TR]={value:.{DECIMALS}f}" for axis, value in values.items()]
+    sets = [f"$P_UIFR[{number},{axis},TR]={value:.{OFFSET_DECIMALS}f}" for axis, value in values.items()]
     return "\n".join([*remarks, *sets, "M30"]) + "\n"
 
 
 def _klartext(shift: Mapping[str, float], lines: Sequence[str]) -> str:
-    steps = [f"CYCL DEF 7.{k} {axis}{value:+.{DECIMALS}f}" for k, (axis, value) in enumerate(shift.items(), 1)]
+    steps = [f"CYCL DEF 7.{k} {axis}{value:+.{OFFSET_DECIMALS}f}" for k, (axis, value) in enumerate(shift.items(), 1)]
     blocks = [*(f"; {line}" for line in lines), "CYCL DEF 7.0 DATUM SHIFT", *steps, "END PGM DRIFT MM"]
     return "\n".join(f"{k} {block}" for k, block in enumerate(("BEGIN PGM DRIFT MM", *blocks))) + "\n"

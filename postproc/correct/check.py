@@ -31,11 +31,11 @@ from postproc.text.block_values import straight
 from postproc.text.flow import Flow
 from postproc.text.line_numbers import place, ranges, shown
 from postproc.text.notes import Notes
-from postproc.text.source import CHUNK, Source, chunks
+from postproc.text.source import CHUNK_BLOCKS, Source, chunks
 from rendering.report import Report, Section, Table, shortened
 from rendering.shown import Shown
 
-LISTED = 50
+LISTED_BLOCKS = 50
 """Most refused blocks in the report."""
 MEANINGS = {
     "corrected": "the coordinates of these lines get a correction",
@@ -127,7 +127,9 @@ class Findings(Shown):
             f"line {shown(line)}: {text!r}: {reason}{_also([line for line, _ in others])}"
             for reason, ((line, text), *others) in same.items()
         ]
-        rows += [("refused", text) for text in shortened(refused, LISTED, "refused blocks, all in the file of --json")]
+        rows += [
+            ("refused", text) for text in shortened(refused, LISTED_BLOCKS, "refused blocks, all in the file of --json")
+        ]
         number = len(self.refused)
         verdict = f"Refused: {number} block{'s' if number > 1 else ''}." if number else "Accepted."
         verdict = f"{name}: {verdict}"
@@ -220,7 +222,7 @@ def _singly(
     source: Source, dialect: Dialect, interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]
 ) -> None:
     """Read a program without jumps, block by block."""
-    for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
+    for lines in chunks(dialect.join_lines(source.lines()), CHUNK_BLOCKS):
         findings.blocks += len(lines)
         _read(_blocks(lines, dialect, interpreter, findings), interpreter, findings, take)
 

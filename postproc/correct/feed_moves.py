@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.machine import TURN
+from kinematics.machine import TURN_DEG
 from postproc.correct.obstacles import turns_unknown
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
@@ -48,7 +48,7 @@ class FeedNotes:
         if not rotary.any():
             return
         turned = np.abs(motions.target - motions.start)[:, rotary].max(axis=1, initial=0.0)
-        for row in np.flatnonzero((motions.kind == Kind.LINE) & (turned >= TURN / 2 - 1e-6)).tolist():
+        for row in np.flatnonzero((motions.kind == Kind.LINE) & (turned >= TURN_DEG / 2 - 1e-6)).tolist():
             for axis in turns_unknown(motions, row):
                 name = motions.machine.names[axis]
                 text = (
@@ -56,7 +56,9 @@ class FeedNotes:
                     f"(rollover under [axes.{name}] in the machine file states it)"
                 )
                 self.notes.add(text, int(motions.line[row]))
-        for row in np.flatnonzero((motions.kind == Kind.LINE) & (turned >= LONG_WAY) & (turned < TURN - 1e-6)).tolist():
+        for row in np.flatnonzero(
+            (motions.kind == Kind.LINE) & (turned >= LONG_WAY) & (turned < TURN_DEG - 1e-6)
+        ).tolist():
             self._note_long_way(motions, row)
 
     def _note_long_way(self, motions: Motions, row: int) -> None:
@@ -64,9 +66,9 @@ class FeedNotes:
         incremental = [word.axis for word in motions.words[row] if word.incremental]
         but = {*turns_unknown(motions, row), *incremental}
         for axis, way in enumerate((motions.target[row] - motions.start[row]).tolist()):
-            if motions.machine.rotary[axis] and LONG_WAY <= abs(way) < TURN - 1e-6 and axis not in but:
+            if motions.machine.rotary[axis] and LONG_WAY <= abs(way) < TURN_DEG - 1e-6 and axis not in but:
                 self.notes.add(
                     f"{motions.machine.names[axis]} turns by {abs(way):.6g} degrees in a feed move, and the shortest "
-                    f"way would be {TURN - abs(way):.6g} degrees back: check that the move is meant",
+                    f"way would be {TURN_DEG - abs(way):.6g} degrees back: check that the move is meant",
                     int(motions.line[row]),
                 )

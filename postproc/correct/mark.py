@@ -28,11 +28,11 @@ _MARK = re.compile(
 _PLAIN = re.compile(r"[^A-Z0-9_.-]")
 NAME_LENGTH = 20
 """Largest number of characters of the machine name in a mark, which must fit on the lines of old controls."""
-DIGITS = 8
+FINGERPRINT_DIGITS = 8
 """Number of hexadecimal digits in the fingerprints of set-up, datum and text."""
-DECIMALS = 6
+FINGERPRINT_DECIMALS = 6
 """Decimals of mm and degrees in the text of a fingerprint."""
-AT_ONCE = 1 << 20
+MARK_COPIED_BYTES = 1 << 20
 """Bytes of a program that are copied together."""
 CONVERTED = {"to-axes": " TCP TO-AXES", "to-tcp": " TCP TO-TCP", "": ""}
 """The end of the mark of a converted program, by `--tcp`."""
@@ -220,7 +220,7 @@ class TextHash:
 
     def __str__(self) -> str:
         """The fingerprint of all parts so far."""
-        return self._found.hexdigest()[:DIGITS].upper()
+        return self._found.hexdigest()[:FINGERPRINT_DIGITS].upper()
 
 
 class MarkedOutput:
@@ -256,11 +256,11 @@ class MarkedOutput:
         if self.has_room:
             out.write(self._lines.read(self._room))
             out.write((self._number + mark).encode(ENCODING))
-        shutil.copyfileobj(self._lines, out, AT_ONCE)
+        shutil.copyfileobj(self._lines, out, MARK_COPIED_BYTES)
 
 
 def _short(lines: Iterable[str]) -> str:
-    return fingerprint("\n".join(lines).encode())[:DIGITS].upper()
+    return fingerprint("\n".join(lines).encode())[:FINGERPRINT_DIGITS].upper()
 
 
 def _setup_lines(state: ControlState) -> Iterable[str]:
@@ -291,4 +291,4 @@ def _datum_lines(state: ControlState) -> Iterable[str]:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return " ".join(f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}" for value in values)
+    return " ".join(f"{round(value, FINGERPRINT_DECIMALS) + 0.0:.{FINGERPRINT_DECIMALS}f}" for value in values)

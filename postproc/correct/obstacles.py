@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from kinematics.machine import TURN, NDArrayBool
+from kinematics.machine import TURN_DEG, NDArrayBool
 from postproc.correct.rotary.feed_in_force import PER_MINUTE, Feed
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
-from postproc.motion.rotary_words import SAME_DEG, RotaryWord, Way
-from postproc.siemens.codes import FEED_MODES
+from postproc.motion.rotary_words import SAME_ROTARY_DEG, RotaryWord, Way
+from postproc.siemens.codes import FEED_TYPES
 from postproc.text.block import Block
 from postproc.write.added_blocks import END_M, NO_INSERTION, SINGLE_FEEDS, START_M
 
@@ -190,7 +190,7 @@ def _position_unknown(asked: Asked, rows: np.ndarray) -> NDArrayBool:
 def _turns_unknown(asked: Asked, rows: np.ndarray) -> NDArrayBool:
     """A rotary axis turns so far that its direction depends on the control, as of `turns_unknown`."""
     motions, found = asked.motions, np.zeros(len(rows), bool)
-    far = np.abs((motions.target - motions.start)[rows]) >= TURN / 2.0 - SAME_DEG
+    far = np.abs((motions.target - motions.start)[rows]) >= TURN_DEG / 2.0 - SAME_ROTARY_DEG
     some = np.flatnonzero(far[:, motions.machine.rotary].any(axis=1))
     found[some] = _each(lambda asked, row: turns_unknown(asked.motions, row))(asked, rows[some])
     return found
@@ -236,7 +236,7 @@ def _single_feed(asked: Asked, row: int) -> bool:
 
 
 def _feed_mode_given(asked: Asked, row: int) -> bool:
-    return any(word.address == "G" and word.value in FEED_MODES for word in asked.block(row).words)
+    return any(word.address == "G" and word.value in FEED_TYPES for word in asked.block(row).words)
 
 
 def _speed_unknown(asked: Asked, row: int) -> bool:

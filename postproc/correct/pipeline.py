@@ -52,7 +52,7 @@ from postproc.write.writer import Writer
 if TYPE_CHECKING:
     from postproc.evaluation.evaluation_process import EvaluationProcess
 
-LARGE = 1 << 22
+SECOND_PROCESS_BYTES = 1 << 22
 """Size of a program, bytes, from which a second process is worth its start."""
 SPOOLED = 1 << 24
 """Bytes of a corrected program that are kept in memory until its mark is known."""
@@ -135,7 +135,7 @@ class Pipeline:
     def _run(self, out: BinaryIO, progress: Callable[[int], None]) -> CorrectionResult:
         """As `run`; Turns for a jump, a loop or a call in a program that is not stored."""
         job, checks, outside = self._job, self._checks, self._correction.outside
-        if job.source.size >= LARGE:
+        if job.source.size >= SECOND_PROCESS_BYTES:
             keep_freed_memory()
         checks.calibration()
         with tempfile.SpooledTemporaryFile(SPOOLED) as lines:
@@ -182,7 +182,7 @@ class Pipeline:
     @property
     def _several(self) -> bool:
         """True if the program is long enough for several processes, and these may be used."""
-        return self._processes > 1 and self._job.source.size >= LARGE
+        return self._processes > 1 and self._job.source.size >= SECOND_PROCESS_BYTES
 
     def _correct_all(self, output: Output, progress: Callable[[int], None]) -> Evaluated:
         """Write the corrected program; returns the evaluation of its moves."""

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 import numpy as np
 
-from kinematics.error_model.model import ROUNDING, ErrorModel
+from kinematics.error_model.model import MODEL_ROUNDING, ErrorModel
 from kinematics.error_model.priors import PRIORS
 from kinematics.files.mistaken import did_you_mean
 from kinematics.machine import Machine
@@ -39,11 +39,11 @@ CLOCKS = datetime.timedelta(minutes=10)
 """Tolerance of the date of a calibration in the future, for differences of clocks."""
 OUTSIDE_SHARE = 0.01
 """Share of the evaluated moves that may end outside the measured range."""
-MOST = 0.5
+INSIGNIFICANT_SHARE = 0.5
 """Share of the moves worth correcting that may have an improvement that is not significant."""
-ENDLESS_MM = 1000.0
+SEARCHED_ENDLESS_MM = 1000.0
 """Length, mm, over which the largest error is searched along a linear axis without travel limits."""
-SAMPLES = 4096
+TRAVEL_POSITIONS = 4096
 """Number of positions, besides the corners of the travel, for the search of the largest error."""
 
 
@@ -86,7 +86,7 @@ class Plausibility(msgspec.Struct):
             self.meet("future", f"{made}, {-age:.3g} days ahead of this computer's clock")
         for sensor, (low, high) in sorted(model.temperatures.items()):
             value = conditions.temperatures.get(sensor)
-            if value is not None and not low - ROUNDING <= value <= high + ROUNDING:
+            if value is not None and not low - MODEL_ROUNDING <= value <= high + MODEL_ROUNDING:
                 measured = f"the calibration was measured from {low:g} to {high:g} degC"
                 self.meet("temperature", f"temperature {sensor} is {value:g} degC; {measured}")
 
@@ -97,7 +97,7 @@ class Plausibility(msgspec.Struct):
 
     def check_significance(self, significance: Significance) -> None:
         """Check the significance of the improvement, once all moves are known."""
-        if significance.unsure > MOST * significance.worthwhile:
+        if significance.unsure > INSIGNIFICANT_SHARE * significance.worthwhile:
             self.meet("insignificant", significance.text())
 
 
@@ -175,9 +175,12 @@ def largest_error_um(machine: Machine, model: ErrorModel, conditions: Conditions
     """Largest predicted error of a tool tip `(3,)`, mm, over the travel of the machine, um."""
     low, high = machine.travel
     endless = np.isinf(low) | np.isinf(high)
-    low, high = np.where(endless, 0.0, low), np.where(endless, np.where(machine.rotary, 2.0 * np.pi, ENDLESS_MM), high)
+    low, high = (
+        np.where(endless, 0.0, low),
+        np.where(endless, np.where(machine.rotary, 2.0 * np.pi, SEARCHED_ENDLESS_MM), high),
+    )
     axes = len(machine.axes)
-    shares = np.vstack([_evenly(SAMPLES, 2 * axes), _corners(axes)])
+    shares = np.vstack([_evenly(TRAVEL_POSITIONS, 2 * axes), _corners(axes)])
     positions = low + (high - low) * shares[:, :axes]
     approach = np.where(shares[:, axes:] < 0.5, -1.0, 1.0)
     tips = np.broadcast_to(np.array(tool, float), (len(positions), 3))

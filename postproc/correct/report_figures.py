@@ -17,9 +17,9 @@ from rendering.report import Section
 LABEL = "line of the program, in the order of execution"
 TICKS = 40
 """Most lines that are named along the program; the page leaves out those for which it has no room."""
-DRAWN = 12_000
+DRAWN_PATH_POINTS = 12_000
 """Most points of a 3-D path."""
-FEWER = (1, 2, 4, 8, 16)
+JOINED_SEGMENTS = (1, 2, 4, 8, 16)
 """Segments of a drawn move that may be joined."""
 
 
@@ -112,7 +112,9 @@ def _path_figure(paths: DrawnPaths) -> Figure:
 
 def _path(points: Array, errors: Array, title: str) -> Panel:
     """Moves `(n, points, 3)`, mm, each as one line, with the errors `(n, points)`, um."""
-    joined = next((n for n in FEWER if len(points) * (SEGMENTS // n + 2) <= DRAWN), FEWER[-1])
+    joined = next(
+        (n for n in JOINED_SEGMENTS if len(points) * (SEGMENTS // n + 2) <= DRAWN_PATH_POINTS), JOINED_SEGMENTS[-1]
+    )
     gap = np.full((len(points), 1), np.nan)
     x, y, z = (np.hstack([points[:, ::joined, k], gap]).ravel() for k in range(3))
     values = np.hstack([errors[:, ::joined], gap]).ravel()

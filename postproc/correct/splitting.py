@@ -12,7 +12,7 @@ import numpy as np
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
-from kinematics.machine import TURN, Machine
+from kinematics.machine import TURN_DEG, Machine
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
 from postproc.correct.chord_error import CorrectedPaths, Limits, beyond_limits, find_cuts
@@ -24,12 +24,12 @@ from postproc.motion.rotary_words import Way
 from postproc.motion.segments import arc_turned, split
 from postproc.text.number_style import decimals_for
 
-LEAST = 0.01
+BOUND_SHARE_OF_TOLERANCE = 0.01
 """Share of the tolerance below which bounds of second differences are not distinguished."""
 NOT_CORRECTED = "it begins or ends outside the range of the calibration, where moves stay as programmed"
 """Reason why a path deviates that is not corrected at both ends."""
-QUARTER = math.pi / 2 + 1e-9
-HALF_TURN = math.pi - 1e-6
+QUARTER_TURN_RAD = math.pi / 2 + 1e-9
+LARGEST_ARC_RAD = math.pi - 1e-6
 
 
 @dataclass
@@ -73,7 +73,7 @@ class Splitter:
         paths = CorrectedPaths(motions, self.models, self.conditions)
         bounds = np.full(len(rows), np.inf)
         lines = np.flatnonzero(motions.kind[rows] == Kind.LINE)
-        least = min(LEAST * 1e-3 * self.tolerance_um, float(self.limits.of(np.zeros(1))[0]) / 2.0)
+        least = min(BOUND_SHARE_OF_TOLERANCE * 1e-3 * self.tolerance_um, float(self.limits.of(np.zeros(1))[0]) / 2.0)
         bounds[lines] = paths.second_difference_bounds(rows[lines], least)
         self.bounds = np.full(len(motions.blocks), -np.inf)
         np.maximum.at(self.bounds, motions.block[rows], bounds)
@@ -121,7 +121,7 @@ def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
     if arc is None or not (arc.turns or arc.form.startswith("radius")):
         return shares
     turned, found = abs(arc_turned(motions, row)), [0.0, *shares, 1.0]
-    longest = QUARTER if arc.form.startswith("radius") else HALF_TURN + 2e-6
+    longest = QUARTER_TURN_RAD if arc.form.startswith("radius") else LARGEST_ARC_RAD + 2e-6
     while True:
         middles = [(a + b) / 2 for a, b in pairwise(found) if (b - a) * turned > longest]
         if not middles:
@@ -145,7 +145,7 @@ def with_round_angles(motions: Motions) -> Motions:
     for i in columns.tolist():
         rounded[:, i] = np.round(unrounded[:, i], decimals_for(machine.axes[i].resolution))
         if machine.axes[i].rollover == Way.SIGNED.value:  # 0 with a minus would be the word of a whole turn backwards
-            back = (motions.target < motions.start)[inner, i] & (rounded[:, i] % TURN == 0.0)
+            back = (motions.target < motions.start)[inner, i] & (rounded[:, i] % TURN_DEG == 0.0)
             rounded[back, i] -= machine.axes[i].resolution
     q, turned = part.in_machine(unrounded), part.in_machine(rounded)
     turned = linear_positions(machine, turned, tool_point(machine, q, part.tool), part.tool)

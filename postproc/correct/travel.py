@@ -14,7 +14,7 @@ from postproc.motion.moves import Known
 from postproc.text.block import Refusal
 from postproc.text.notes import Notes
 
-TOLERANCE = 1e-9
+TRAVEL_ROUNDING = 1e-9
 
 
 def refuse_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> None:
@@ -72,5 +72,5 @@ def _outside(motions: Motions, positions: Array) -> NDArrayBool:
     low, high = motions.machine.travel
     if len(positions) and (positions.min(axis=0) >= low).all() and (positions.max(axis=0) <= high).all():
         return np.zeros(positions.shape, bool)
-    beyond = np.maximum(low - positions, positions - high) > TOLERANCE
+    beyond = np.maximum(low - positions, positions - high) > TRAVEL_ROUNDING
     return np.asarray(beyond & (motions.known != Known.ASSUMED))

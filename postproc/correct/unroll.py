@@ -29,9 +29,9 @@ from postproc.text.line_numbers import first_line_of_text, place
 from postproc.text.source import ENCODING, HEAD_SIZE
 from postproc.text.statements import Return, Taken
 
-SAME = 1e-6
+SAME_UNROLLED = 1e-6
 """Largest difference of equal positions, mm and rad: written numbers have nine decimals."""
-DECIMALS = 9
+UNROLLED_DECIMALS = 9
 COORDINATES = frozenset(AXES + "IJKRF")
 UNSIGNED = frozenset("FST")
 """Klartext words without a sign."""
@@ -184,7 +184,7 @@ def _literal(block: Block, word: Word) -> list[Edit]:
         return []
     if word.value is None:
         raise block.refuse(f"{block.text[word.at : word.end]}: the value is unknown, and the block cannot be unrolled")
-    text = f"{round(word.value, DECIMALS) + 0.0:.{DECIMALS}f}".rstrip("0")
+    text = f"{round(word.value, UNROLLED_DECIMALS) + 0.0:.{UNROLLED_DECIMALS}f}".rstrip("0")
     if text.endswith(".") and word.address.removeprefix("I") not in COORDINATES:
         text = text[:-1]
     elif text.endswith("."):
@@ -198,7 +198,7 @@ def _same(found: Motions, expected: Motions) -> bool:
     """True if the moves are equal, except for the rounding of the written numbers."""
     if not np.array_equal(found.kind, expected.kind) or found.arcs.keys() != expected.arcs.keys():
         return False
-    same = bool(np.abs(found.machine_target - expected.machine_target).max(initial=0.0) < SAME)
+    same = bool(np.abs(found.machine_target - expected.machine_target).max(initial=0.0) < SAME_UNROLLED)
     same &= bool((found.known == expected.known).all())
     for row, arc in expected.arcs.items():
         other = found.arcs[row]

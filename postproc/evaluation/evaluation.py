@@ -26,9 +26,9 @@ from postproc.motion.along import CLOSELY, INNER, positions_along
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 
-BETWEEN = (0.25, 0.5, 0.75)
+PREDICTED_SHARES = (0.25, 0.5, 0.75)
 """Shares of the path of a written block at which the error between its ends is predicted."""
-STRAIGHT = 0.02
+STRAIGHT_SHARE = 0.02
 """Share of the tolerance by which the error between the ends of a move may deviate from that at its ends, if it is not
 evaluated there."""
 NOWHERE = read_only(np.empty(0))
@@ -271,16 +271,19 @@ class Evaluation:
 
         The error deviates from the straight line between those of the ends by no more than a bound of its second
         difference, as long as each axis stays on its side of the play; it is unknown where this is more than a share
-        STRAIGHT of the tolerance, or could make the move worse than the tolerance or the input.
+        `STRAIGHT_SHARE` of the tolerance, or could make the move worse than the tolerance or the input.
         """
         found = np.full(len(left), np.nan)
         joined = self._joined.follow(moves.motions, moves.commanded, moves.written, left)
         bound, first = (moves.bounds + joined.bends) * 1e3, joined.first
         largest = (
-            np.max([np.linalg.norm((1.0 - share) * first + share * left, axis=1) for share in BETWEEN], axis=0) * 1e3
+            np.max([np.linalg.norm((1.0 - share) * first + share * left, axis=1) for share in PREDICTED_SHARES], axis=0)
+            * 1e3
         )
         tolerance = self._tolerance_um
-        straight = joined.rows & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before))
+        straight = (
+            joined.rows & (bound <= STRAIGHT_SHARE * tolerance) & (largest + bound <= np.minimum(tolerance, before))
+        )
         if self._after.steady is not None:
             straight &= self._after.steady
         found[straight] = largest[straight]
@@ -331,7 +334,7 @@ class Evaluation:
         commanded: Motions,
         machine_states: MachineStates,
         rows: np.ndarray,
-        shares: Iterable[float] = BETWEEN,
+        shares: Iterable[float] = PREDICTED_SHARES,
     ) -> Array:
         """Largest errors `(rows,)`, um, of commanded moves between their ends; rows as a mask or by their numbers."""
         rows = np.flatnonzero(rows) if rows.dtype == bool else rows

@@ -24,7 +24,7 @@ from postproc.motion.motions import COLUMNS, Motions
 from postproc.motion.moves import Arc, Paced
 from postproc.text.blocks import Blocks
 
-AHEAD = 4
+CHUNKS_AHEAD = 4
 """Chunks that wait for their evaluation, at most: each takes some megabytes."""
 LOST = (
     "the process that evaluates the corrected moves was ended from outside, perhaps for lack of memory; --jobs 1 "
@@ -123,7 +123,7 @@ class EvaluationProcess:
 
     def add(self, moves: WrittenMoves) -> None:
         """Evaluate the moves of the next chunk later; Refusal for a move of an earlier one that is worse."""
-        while len(self._waiting) >= AHEAD:
+        while len(self._waiting) >= CHUNKS_AHEAD:
             self._settle()
         with self._lost():
             self._process.give(SentMoves.of(moves))

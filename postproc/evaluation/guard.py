@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
-from kinematics.error_model.model import ROUNDING
+from kinematics.error_model.model import MODEL_ROUNDING
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
@@ -19,9 +19,9 @@ ROTARY_ONLY_HINT = (
     ": rotary axes move at feed, and the linear axes keep their earlier correction; choose "
     "--rotary-feed inverse-time (not in Klartext), move at rapid (G0), or program X, Y or Z in this block"
 )
-MOST_LINES = 1000
+MOST_MESSAGE_LINES = 1000
 """Largest number of lines that are kept for a message."""
-UNSEEN_UM = 1e-4
+LAST_DIGIT_UM = 1e-4
 """Increase of the error, um, below which a move does not count as worse: the last digit of the results."""
 
 
@@ -31,7 +31,7 @@ class Outside(msgspec.Struct):
     moves: int = 0
     outside: int = 0
     lines: list[int] = msgspec.field(default_factory=list)
-    """Lines of the first MOST_LINES moves outside."""
+    """Lines of the first `MOST_MESSAGE_LINES` moves outside."""
     largest: dict[tuple[str, str], float] = msgspec.field(default_factory=dict)
     """Largest excess by effect and unit, as `ErrorModel.outside`."""
 
@@ -40,12 +40,12 @@ class Outside(msgspec.Struct):
         self.moves += len(lines)
         beyond = np.zeros(len(lines), bool)
         for quantity, excess in excesses.items():
-            if excess.max(initial=0.0) > ROUNDING:
+            if excess.max(initial=0.0) > MODEL_ROUNDING:
                 self.largest[quantity] = max(float(excess.max()), self.largest.get(quantity, 0.0))
                 if f" in {TEMPERATURE}" not in quantity[0]:
-                    beyond |= excess > ROUNDING
+                    beyond |= excess > MODEL_ROUNDING
         self.outside += int(beyond.sum())
-        self.lines += lines[beyond][: MOST_LINES - len(self.lines)].tolist()
+        self.lines += lines[beyond][: MOST_MESSAGE_LINES - len(self.lines)].tolist()
 
     @property
     def share(self) -> float:
@@ -180,7 +180,7 @@ class Guard:
     def _note(self, where: str, errors: Array, limits: Array) -> None:
         """Note the moves whose errors `(k, 2)`, um, are larger than in the input; limits `(k,)`: their rounding, um."""
         excess = errors[:, 1] - errors[:, 0]
-        rounded = (excess > UNSEEN_UM) & (excess <= limits)
+        rounded = (excess > LAST_DIGIT_UM) & (excess <= limits)
         beyond = excess > limits
         for cause, some in (
             (f"{where} by at most {{:.2g}} um, the rounding of their words", rounded),
@@ -209,5 +209,5 @@ class Guard:
 
     def _add(self, line: int, before: float, after: float) -> None:
         self._worse += 1
-        self._lines += [line] if len(self._lines) < MOST_LINES else []
+        self._lines += [line] if len(self._lines) < MOST_MESSAGE_LINES else []
         self._largest = max(self._largest, (after, before))

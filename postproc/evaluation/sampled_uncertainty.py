@@ -15,10 +15,10 @@ from postproc.compensation.datum import datum_prediction
 from postproc.compensation.significance import Significance, uncertainties_um
 from postproc.evaluation.predicted_errors import Statistic
 
-STEPS = ((0, 1), (500, 8), (1 << 12, 128), (1 << 16, 1024))
+SAMPLING_OF_MOVES = ((0, 1), (500, 8), (1 << 12, 128), (1 << 16, 1024))
 """Uncertainties of predictions are computed for every move at first, and from further numbers of moves on for every
 eighth, 128th and 1024th: more would cost more than the correction."""
-TOGETHER = 1024
+MOVES_OF_A_BLOCK = 1024
 """Number of moves whose uncertainties are computed together, whatever the chunks of the program are."""
 
 
@@ -55,8 +55,8 @@ class SampledUncertainties:
         self._columns.append((positions[rows], directions, tool[rows], errors[rows], stands_for))
         of_frames, frame = touch_offs
         self._touch_offs += [of_frames[i] for i in frame[rows].tolist()]
-        while len(self._touch_offs) >= TOGETHER:
-            self._compute(TOGETHER)
+        while len(self._touch_offs) >= MOVES_OF_A_BLOCK:
+            self._compute(MOVES_OF_A_BLOCK)
 
     def finish(self) -> None:
         """Compute the uncertainties of the remaining moves."""
@@ -78,7 +78,7 @@ class SampledUncertainties:
 
 def _sampled(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the moves, by their numbers `(n,)`, whose uncertainty is computed, and how many each represents."""
-    first, steps = np.array(STEPS).T
+    first, steps = np.array(SAMPLING_OF_MOVES).T
     step = steps[np.searchsorted(first, numbers, side="right") - 1]
     some = np.flatnonzero(numbers % step == 0)
     return some, step[some]

@@ -23,7 +23,7 @@ PATHS = 4000
 """Largest number of moves that are kept for drawing."""
 SEGMENTS = 16
 """Number of straight segments in the drawing of a move."""
-DIGITS = 9
+COMPARED_DECIMALS = 9
 """Decimals, um, of errors that are compared: sums over rows of other chunks differ in the last bits."""
 WORST = 10
 """Number of listed moves."""
@@ -193,7 +193,7 @@ class Trace:
 
 def _worst(known: list[MoveEnd], motions: Motions, lines: np.ndarray, errors: Array, which: int) -> list[MoveEnd]:
     """Moves with the largest errors, of those known and of a chunk, before (0) or after (1), the earliest of equals."""
-    errors = np.round(errors, DIGITS)
+    errors = np.round(errors, COMPARED_DECIMALS)
     size = errors[:, which]
     largest = np.argsort(-size, kind="stable")[:WORST]  # nan comes last
     here = [

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 CALLED = re.compile(rf"NCOMP [^\n]*({UNCHANGED}(?: BY [^\s)]+)?)[) \t]*\r?$", re.MULTILINE)
 """The mark of a called program."""
-HEAD = 1 << 16
+MARK_HEAD_BYTES = 1 << 16
 """Bytes at the beginning of a program that contain its mark."""
 OTHERWISE = "name an output in another folder, or write the calls out by --unroll"
 
@@ -97,7 +97,7 @@ def _others_beside(target: Path) -> bool:
     for path in target.parent.iterdir():
         if path.is_file() and true_path(path) != true_path(target):
             with path.open("rb") as file:
-                head = file.read(HEAD)
+                head = file.read(MARK_HEAD_BYTES)
             if b"NCOMP " in head and not CALLED.search(head.decode(ENCODING)):
                 return True
     return False

@@ -18,7 +18,7 @@ from postproc.folders.programs import REFUSED, Correction, FolderProgram, Outcom
 from rendering.report import Report, Section, Table, facts
 from rendering.shown import Shown
 
-LISTED = 40
+LISTED_PROGRAMS = 40
 """Largest number of corrected programs that the terminal lists; the page and the JSON file have all."""
 HEAD = (
     *("program", "result", "moves", "blocks changed", "blocks added"),
@@ -119,10 +119,10 @@ class Summary(Shown):
             yield facts("Programs without an output", [(end.state, self._reason(each, end)) for each, end in refused])
         rows = [self._row(each, outcome) for each, outcome in self.outcomes.items() if outcome.result]
         if rows:
-            yield Section("Programs", table=Table(HEAD, rows), detail=len(rows) > LISTED)
+            yield Section("Programs", table=Table(HEAD, rows), detail=len(rows) > LISTED_PROGRAMS)
             set_ups = [self._set_up(each, outcome) for each, outcome in self.outcomes.items() if outcome.result]
             text = "Compare them with the control. SHA-256 is that of the program as it was read, as in its mark."
-            yield Section("Set-ups", text, Table(SET_UPS, set_ups), detail=len(rows) > LISTED)
+            yield Section("Set-ups", text, Table(SET_UPS, set_ups), detail=len(rows) > LISTED_PROGRAMS)
             relative = any(
                 end.result.get("errors_relative_to") == "datum" for end in self.outcomes.values() if end.result
             )

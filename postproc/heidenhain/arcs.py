@@ -15,7 +15,7 @@ from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import DIRECTIONS
 from postproc.heidenhain.words import straight
 from postproc.motion.arcs import Ends, arc_by_centre, arc_by_radius, begin_arc
-from postproc.motion.circles import SAME, Point, same, sweep, tangent_circle
+from postproc.motion.circles import SAME_POINT_MM, Point, same, sweep, tangent_circle
 from postproc.motion.moves import Arc, AxisWord, Kind, PolarEnd
 from postproc.text.block import Block
 
@@ -244,7 +244,7 @@ class Arcs:
                 if found
                 else "the block has no polar coordinates: write PR and PA"
             )
-        if radius < SAME:
+        if radius < SAME_POINT_MM:
             raise block.refuse("the polar radius PR is not above 0: write a positive radius")
         at = (pole.at[0] + radius * math.cos(angle), pole.at[1] + radius * math.sin(angle))
         return _PolarPosition(

@@ -18,7 +18,7 @@ from postproc.heidenhain.modal_state import ModalState
 from postproc.heidenhain.variables import QParameters
 from postproc.text.block import Block
 
-UPRIGHT = 1e-4
+PERPENDICULAR_TOOL_RAD = 1e-4
 """rad: a tool that leans no more is perpendicular, as angles are written with three decimals."""
 
 
@@ -73,7 +73,7 @@ class Channel(channel.Channel):
         """Refusal where the tool is not perpendicular to the tilted plane."""
         angles = np.where(self.machine.rotary, np.array(target) + self.recorder.frame.offset, 0.0)
         if self._upright is None or not np.array_equal(self._upright, angles):
-            if lean(self.machine, angles, self.modal.normal) > UPRIGHT:
+            if lean(self.machine, angles, self.modal.normal) > PERPENDICULAR_TOOL_RAD:
                 raise block.refuse(
                     "the tool is not perpendicular to the tilted plane: turn the rotary axes before this "
                     "move (PLANE ... TURN or L A B C)"

@@ -27,7 +27,7 @@ from postproc.heidenhain.codes import (
     PROGRAM_CALL_CYCLE,
     TRANSFORMATION_CYCLES,
 )
-from postproc.heidenhain.datum_transformations import SCALING, SHIFT
+from postproc.heidenhain.datum_transformations import SCALING_CYCLE, SHIFT_CYCLE
 from postproc.heidenhain.tilted_planes import Planes
 from postproc.motion.circles import Point
 from postproc.motion.frames import renamed
@@ -220,7 +220,7 @@ class Cycles:
 
     def _transform(self, block: Block, number: int) -> None:
         line = next((match for word in block.words if (match := _DATUM_LINE.fullmatch(word.address))), None)
-        if line is not None and number == SHIFT:
+        if line is not None and number == SHIFT_CYCLE:
             words = self._datum(block, line[1])
         else:
             words = {word.address: value_of(block, word) if word.start < word.end else 0.0 for word in block.words}
@@ -232,7 +232,7 @@ class Cycles:
         active = modal.transformations if modal.tilt is None else modal.tilted_transformations
         before = active.placement
         scaled_axes = channel.machine.control.scaled_axes
-        if number == SCALING and scaled_axes:
+        if number == SCALING_CYCLE and scaled_axes:
             channel.notes.add(f"cycle 11 is taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
         if active.set(block, number, words, modal.unit, scaled_axes):
             channel.change_frame([channel.x_y_z[i] for i in renamed(before, active.placement)])

@@ -9,7 +9,7 @@ from postproc.control.codes import AXES
 from postproc.motion.frames import Placement, mirrored, rotated, scaled, shifted
 from postproc.text.block import Block
 
-SHIFT, ROTATION, SCALING, AXIS_SCALING = 7, 10, 11, 26
+SHIFT_CYCLE, ROTATION_CYCLE, SCALING_CYCLE, AXIS_SCALING_CYCLE = 7, 10, 11, 26
 _ORDER = (
     "cycle {} together with another coordinate transformation is not followed in this order: reset the other one first"
 )
@@ -43,23 +43,27 @@ class DatumTransformations:
         Refusal for effects on other axes, and for an order of cycles that is not followed.
         """
         before = self.active.get(number, Placement())
-        made = _shift(block, before, words, unit) if number == SHIFT else self._made(block, number, words, scaled_axes)
+        made = (
+            _shift(block, before, words, unit)
+            if number == SHIFT_CYCLE
+            else self._made(block, number, words, scaled_axes)
+        )
         if made == before:
             return False
         self.active = {n: p for n, p in {**self.active, number: made}.items() if p != Placement()}
-        others = self.active.keys() - {SHIFT}
-        if len(others) > 1 or (number == SHIFT and others and any(words.values())):
+        others = self.active.keys() - {SHIFT_CYCLE}
+        if len(others) > 1 or (number == SHIFT_CYCLE and others and any(words.values())):
             raise block.refuse(_ORDER.format(number))
-        self.unfinished = number == SHIFT and bool(others) and SHIFT in self.active
+        self.unfinished = number == SHIFT_CYCLE and bool(others) and SHIFT_CYCLE in self.active
         return True
 
     def _made(self, block: Block, number: int, words: Mapping[str, float], scaled_axes: str) -> Placement:
-        if number == SCALING:
+        if number == SCALING_CYCLE:
             return _scale(block, words, scaled_axes)
-        if number == AXIS_SCALING:
+        if number == AXIS_SCALING_CYCLE:
             self.factors |= _factors(block, words)
             return scaled(*(self.factors[axis] for axis in "XYZ"))
-        if number != ROTATION:
+        if number != ROTATION_CYCLE:
             return _mirror(block, words)
         if words.keys() not in ({"ROT"}, {"IROT"}):
             raise block.refuse("cycle 10 has no angle: write ROT and the angle")
@@ -69,7 +73,7 @@ class DatumTransformations:
     def check(self, block: Block) -> None:
         """Refusal for a move where a datum shift is taken back in part within a rotation."""
         if self.unfinished:
-            raise block.refuse(_ORDER.format(SHIFT))
+            raise block.refuse(_ORDER.format(SHIFT_CYCLE))
 
 
 def _shift(block: Block, before: Placement, words: Mapping[str, float], unit: float) -> Placement:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from kinematics.machine import TURN, Machine, NDArrayBool
+from kinematics.machine import TURN_DEG, Machine, NDArrayBool
 from postproc.control.codes import INCH
 from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
@@ -29,7 +29,7 @@ from postproc.heidenhain.codes import (
     SKIPPABLE_M,
 )
 from postproc.heidenhain.cycles import Cycles
-from postproc.heidenhain.datum_transformations import SHIFT
+from postproc.heidenhain.datum_transformations import SHIFT_CYCLE
 from postproc.heidenhain.modal_state import ModalState
 from postproc.heidenhain.tilted_planes import Planes
 from postproc.heidenhain.tools import Tools
@@ -307,7 +307,7 @@ class HeidenhainInterpreter(Interpreter):
         named = {recorder.axis(block, block.words[i].address) for i in content.names.values()}
         for axis in named or self.channel.rotary_axes:
             if recorder.known[axis]:
-                recorder.rotary.turns[axis] = TURN * (recorder.position[axis] // TURN)
+                recorder.rotary.turns[axis] = TURN_DEG * (recorder.position[axis] // TURN_DEG)
 
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""
@@ -331,9 +331,9 @@ class HeidenhainInterpreter(Interpreter):
     def _transformation(self, block: Block) -> None:
         words = {word.address: word.value for word in block.words}
         if block.detail.upper() == "TRANS DATUM AXIS" and words:
-            self.cycles.shift(block, SHIFT, {name: value or 0.0 for name, value in words.items()})
+            self.cycles.shift(block, SHIFT_CYCLE, {name: value or 0.0 for name, value in words.items()})
         elif block.detail.upper() == "TRANS DATUM RESET":
-            self.cycles.shift(block, SHIFT, dict.fromkeys("XYZ", 0.0))
+            self.cycles.shift(block, SHIFT_CYCLE, dict.fromkeys("XYZ", 0.0))
         elif block.words or (cycle := _RESETS.get(block.detail.upper())) is None:
             raise block.refuse(f"{block.detail} transforms the coordinates in a form that is not followed")
         elif cycle in self.modal.transformations.active or cycle in self.modal.tilted_transformations.active:

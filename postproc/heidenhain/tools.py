@@ -10,7 +10,7 @@ from postproc.heidenhain.modal_state import NO_TOOL
 from postproc.text.block import Block, Word
 from postproc.text.expressions import NotKnown
 
-RADIUS, LENGTH = 108.0, 114.0
+Q_TOOL_RADIUS, Q_TOOL_LENGTH = 108.0, 114.0
 """Q parameters that the control sets to the active radius, and to the length."""
 
 
@@ -80,10 +80,10 @@ class Tools:
 
     def _set_tool_parameters(self) -> None:
         radius, modal, scope = self.radius(), self.channel.modal, self.channel.scope
-        scope.set("Q", (RADIUS,), radius if isinstance(radius, NotKnown) else radius / modal.unit)
+        scope.set("Q", (Q_TOOL_RADIUS,), radius if isinstance(radius, NotKnown) else radius / modal.unit)
         known = modal.tool == NO_TOOL or modal.control_state.knows(modal.tool)
         missing = NotKnown(f"neither --tool-length nor --tool-table gives the length of tool {modal.tool}")
-        scope.set("Q", (LENGTH,), (modal.tool_length + modal.oversize) / modal.unit if known else missing)
+        scope.set("Q", (Q_TOOL_LENGTH,), (modal.tool_length + modal.oversize) / modal.unit if known else missing)
 
     # ---- reading of the tool table by the program
 

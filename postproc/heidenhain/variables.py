@@ -19,7 +19,7 @@ from postproc.text.expressions import (
     nearly,
 )
 
-PRESET = range(100, 200)
+PRESET_Q = range(100, 200)
 """Q100 to Q199 are set by the control: Q108 is the radius of the tool."""
 REPEATS = "number of repeats"
 """The operation that makes a number of repeats of a value."""
@@ -107,7 +107,7 @@ class QParameters:
         """The value of a parameter by its kind, Q, QL or QR, and its number."""
         (number,) = indices
         value, shown = self.values.get((name, number)), f"{name}{number:g}"
-        if value is None and name == "Q" and isinstance(number, float) and int(number) in PRESET:
+        if value is None and name == "Q" and isinstance(number, float) and int(number) in PRESET_Q:
             raise NotKnown(f"the control sets {shown}, and its value is not known to ncomp")
         return known_value(value, shown)
 

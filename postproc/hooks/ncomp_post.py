@@ -29,7 +29,7 @@ COMMAND = "ncomp"
 """The ncomp command; `ncomp hook` writes its path here."""
 TOOLTIP = __doc__
 TOOLTIP_ARGS = "--stock NAME --machine NAME [options of ncomp correct] [-- arguments of the stock post]"
-LONGEST = 3600
+TIMEOUT_S = 3600
 """Time after which a correction is ended, s."""
 OF_FREECAD = ("PYTHONHOME", "PYTHONPATH", "LD_LIBRARY_PATH")
 """Environment variables that FreeCAD sets for its own Python, and that ncomp's Python must not see."""
@@ -155,12 +155,12 @@ def _correct(command: list[str], output: Path, folder: str) -> None:
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
-            timeout=LONGEST,
+            timeout=TIMEOUT_S,
         )
     except OSError as fault:
         _fail(f"cannot start {command[0]}: {fault.strerror}; give the path of ncomp with --ncomp")
     except subprocess.TimeoutExpired:
-        _fail(f"{command[0]} did not end within {LONGEST} s")
+        _fail(f"{command[0]} did not end within {TIMEOUT_S} s")
     shown = (done.stdout + done.stderr).replace(f"{folder}{os.sep}", "")
     if done.returncode != 0 or not output.exists():
         with suppress(FileNotFoundError):

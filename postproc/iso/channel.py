@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinematics.machine import TURN
+from kinematics.machine import TURN_DEG
 from postproc.control import channel
 from postproc.control.channel import AxisWords
-from postproc.control.codes import DISTANCES, INCH, LARGEST, PLANES
+from postproc.control.codes import DISTANCES, INCH, LARGEST_CODE, PLANES
 from postproc.control.words import no_number
 from postproc.iso.codes import (
     CENTRE_DISTANCES,
@@ -142,7 +142,7 @@ class Channel(channel.Channel):
         """The axis words of a block with their values."""
         words = super().axis_words(block, indices)
         for word, value in words:
-            if not 0.0 <= value <= TURN and word.axis in self.unstated_turns and not word.incremental:
+            if not 0.0 <= value <= TURN_DEG and word.axis in self.unstated_turns and not word.incremental:
                 self.assume_turns(word.axis, value, block.line)
         return words
 
@@ -150,7 +150,7 @@ class Channel(channel.Channel):
         """Register the assumption on turns for plain lines, as `axis_words` does for other blocks."""
         for axis in self.unstated_turns if not run.incremental else ():
             numbers = np.where(run.columns.end[axis] > 0, run.columns.value[axis], 0.0)
-            if (outside := np.flatnonzero((numbers < 0.0) | (numbers > TURN))).size:
+            if (outside := np.flatnonzero((numbers < 0.0) | (numbers > TURN_DEG))).size:
                 self.assume_turns(axis, float(numbers[outside[0]]), run.number + int(outside[0]))
 
     def assume_turns(self, axis: int, number: float, line: int) -> None:
@@ -166,7 +166,7 @@ class Channel(channel.Channel):
         """The number of a word in mm or degrees; without a decimal point it may be a number of increments."""
         word = block.words[index]
         value = word.value
-        if value is None or not abs(value) < LARGEST:
+        if value is None or not abs(value) < LARGEST_CODE:
             raise no_number(block, word)
         if value and word.formula is None and "." not in block.text[word.start : word.end]:
             if self.machine.control.integer_words == "increments":

@@ -29,7 +29,7 @@ from postproc.iso.families import ANY, GRBL, LINUXCNC
 from postproc.iso.offsets import NUMBERED
 from postproc.iso.selection import give_length
 from postproc.iso.words import Content, decided_by_family
-from postproc.motion.circles import SAME
+from postproc.motion.circles import SAME_POINT_MM
 from postproc.motion.moves import Known
 
 WORDS = {PRESET: "S", SCALE_END: "S", DATA: "LPRIJQ"}
@@ -277,7 +277,7 @@ def _enter_here(change: CoordinateChange) -> None:
 def _sets_what_is(change: CoordinateChange, number: int) -> bool:
     """True where LinuxCNC's G10 L20 gives the declared start the coordinates that it has: FANUC sets G54.1 only."""
     recorder, offsets = change.channel.recorder, change.channel.modal.offsets
-    same = (abs(recorder.start.at.get(axis, math.inf) - value) < SAME for axis, value in change.shifts.items())
+    same = (abs(recorder.start.at.get(axis, math.inf) - value) < SAME_POINT_MM for axis, value in change.shifts.items())
     return NUMBERED.get(number) == offsets.name and not offsets.moved and all(same)
 
 

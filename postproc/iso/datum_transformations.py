@@ -15,7 +15,7 @@ from postproc.motion.moves import Known
 from postproc.text.block import Block
 
 ALL_AXES = "XYZ"
-UPRIGHT = 1e-6
+PERPENDICULAR_PLANE_RAD = 1e-6
 """rad: a tool that leans no more is perpendicular to the tilted plane."""
 
 
@@ -160,7 +160,7 @@ def check_perpendicular(channel: Channel, block: Block) -> None:
         raise block.refuse("G53.1 needs a tilted plane: write G68.2 before it")
     degrees = np.where(machine.rotary, np.add(recorder.position, recorder.frame.offset), 0.0)
     known = all(recorder.known[i] != Known.ASSUMED for i in channel.rotary_axes)
-    if not known or lean(machine, degrees, normal_of(modal.placement)) > UPRIGHT:
+    if not known or lean(machine, degrees, normal_of(modal.placement)) > PERPENDICULAR_PLANE_RAD:
         raise block.refuse(
             "the tool is not perpendicular to the tilted plane, and the control chooses how G53.1 turns "
             "the rotary axes: turn them in a block before it"

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from kinematics.transforms import Array
-from postproc.motion.circles import SAME, sweep
+from postproc.motion.circles import SAME_POINT_MM, sweep
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc
 
@@ -52,7 +52,7 @@ def heading(
     else:
         return None
     length = math.hypot(x, y)
-    return (x / length, y / length) if length > SAME else None
+    return (x / length, y / length) if length > SAME_POINT_MM else None
 
 
 def other_coordinate(start: tuple[float, float], value: float, angle: float, *, second_given: bool) -> float | None:

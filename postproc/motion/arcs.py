@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from postproc.motion.circles import (
     RADIUS_TOLERANCE_MM,
-    SAME,
+    SAME_POINT_MM,
     Point,
     centre_from_radius,
     radius_fault,
@@ -105,7 +105,7 @@ def arc_by_radius(
     centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
     if centre is None or short > tolerance:
         raise block.refuse("no circle of this radius joins start and end: write a larger radius, or the centre")
-    if short > SAME:
+    if short > SAME_POINT_MM:
         notes.add("the radius of an arc is too short, by less than the tolerance: taken as half a circle", block.line)
     return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
 

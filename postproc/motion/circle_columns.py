@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 
 from kinematics.transforms import Array
-from postproc.motion.circles import CLOSE, RADIUS_TOLERANCE_MM, SAME, SHORT_ARC
+from postproc.motion.circles import RADIUS_DIFFERENCE_MM, RADIUS_TOLERANCE_MM, SAME_POINT_MM, SHORT_ARC
 from postproc.motion.moves import Arc
 
-TURN = 2.0 * np.pi
+TURN_RAD = 2.0 * np.pi
 
 
 class CircleColumns(msgspec.Struct, frozen=True):
@@ -42,10 +42,10 @@ class CircleColumns(msgspec.Struct, frozen=True):
         sense, full, turns = np.array([(arc.sense, arc.full, arc.turns) for arc in found], int).reshape(-1, 3).T
         x, y = (start[rows, axis] - at for axis, at in zip((first, second), centre, strict=True))
         u, v = (target[rows, axis] - at for axis, at in zip((first, second), centre, strict=True))
-        once = np.where(full > 0, TURN, (sense * (np.arctan2(v, u) - np.arctan2(y, x))) % TURN)
+        once = np.where(full > 0, TURN_RAD, (sense * (np.arctan2(v, u) - np.arctan2(y, x))) % TURN_RAD)
         begun = np.hypot(x, y)
         grown = np.divide(np.hypot(u, v), begun, out=np.ones(len(rows)), where=begun > 0.0)
-        turned = sense * (once + turns * TURN)
+        turned = sense * (once + turns * TURN_RAD)
         for column in (rows, first, second, x, y, centre, turned, grown, turns):
             column.flags.writeable = False
         return cls(rows, first, second, (x, y), (centre[0], centre[1]), turned, grown, turns)
@@ -86,13 +86,18 @@ class CircleColumns(msgspec.Struct, frozen=True):
 
 def sweeps(start: np.ndarray, end: np.ndarray, centre: np.ndarray, sense: Array) -> Array:
     """Sweeps `(k,)`, rad, of arcs that are no full circles, as `sweep`; points `(k,)` are complex numbers."""
-    return np.asarray(sense * ((sense * (np.angle(end - centre) - np.angle(start - centre))) % TURN))
+    return np.asarray(sense * ((sense * (np.angle(end - centre) - np.angle(start - centre))) % TURN_RAD))
 
 
 def centres_by_radius(start: np.ndarray, end: np.ndarray, radius: Array, sense: Array) -> np.ndarray:
     """Centres `(k,)` of arcs with these radii, as `centre_from_radius`: complex numbers, nan where there is none."""
     chord = np.abs(end - start)
-    none = (radius == 0.0) | (chord < SAME) | (chord / 2 > np.abs(radius) + RADIUS_TOLERANCE_MM) | np.isnan(radius)
+    none = (
+        (radius == 0.0)
+        | (chord < SAME_POINT_MM)
+        | (chord / 2 > np.abs(radius) + RADIUS_TOLERANCE_MM)
+        | np.isnan(radius)
+    )
     height = np.sqrt(np.maximum(0.0, radius * radius - chord * chord / 4)) * sense * np.copysign(1.0, radius)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(none, np.nan, (start + end) / 2 + 1j * height * (end - start) / chord))
@@ -105,7 +110,7 @@ def moved_centres(ends: tuple[np.ndarray, np.ndarray], centre: np.ndarray, turne
     """Centres `(k,)` of arcs after the shifts of their starts, middles and ends, as `moved_centre`; complex numbers."""
     start, end = ends
     first, last = np.abs(start - centre), np.abs(end - centre)
-    turned = np.clip(turned, -TURN, TURN)
+    turned = np.clip(turned, -TURN_RAD, TURN_RAD)
     mean = (shifts[0] + shifts[2]) / 4 + shifts[1] / 2
     pointed = (first > 0.0) & (last > 0.0)
     u, v = (start - centre) / np.where(pointed, first, 1.0), (end - centre) / np.where(pointed, last, 1.0)
@@ -117,11 +122,11 @@ def moved_centres(ends: tuple[np.ndarray, np.ndarray], centre: np.ndarray, turne
     square = n.real**2 + n.imag**2
     square = np.where(np.abs(turned) > np.pi, np.maximum(square, 1.0), square)
     root, divisor = np.sqrt(square), np.where(square > 0.0, square, 1.0)
-    far = (np.abs(excess) > CLOSE) & (np.abs(excess) < root * np.minimum(first, last))
+    far = (np.abs(excess) > RADIUS_DIFFERENCE_MM) & (np.abs(excess) < root * np.minimum(first, last))
     moved = centre + mean + across * w - np.where(far, excess / divisor, 0.0) * n
     largest = np.max(np.abs(np.stack(shifts)), axis=0)
     left = np.abs(start + shifts[0] - moved) - np.abs(end + shifts[2] - moved) - (first - last)
-    far = (np.abs(left) > CLOSE) & (np.abs(left) < root * largest)
+    far = (np.abs(left) > RADIUS_DIFFERENCE_MM) & (np.abs(left) < root * largest)
     return np.where(pointed, moved + np.where(far, left / divisor, 0.0) * n, centre + mean)
 
 

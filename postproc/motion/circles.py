@@ -9,19 +9,19 @@ Point = tuple[float, float]
 # The end-point check of LinuxCNC, the tightest published one: the larger of 28.3 um and 0.1 % of the radius.
 RADIUS_TOLERANCE_MM = 0.0283
 RADIUS_TOLERANCE_RATIO = 1e-3
-CLOSE = 5e-4
+RADIUS_DIFFERENCE_MM = 5e-4
 """Increase of the radius difference between the ends of a corrected arc that is left uncorrected, mm."""
 OUT_OF_ROUND = 5e-3
 """Radius difference between the ends of an arc at which the strictest controls stop, mm."""
 SHORT_ARC = 0.1
 """1 - cos of half the sweep; arcs with a smaller value, of less than 52 deg, are short."""
-SAME = 1e-6
+SAME_POINT_MM = 1e-6
 """Distance below which two points are equal, mm: finer than any control, coarser than rounding of increments."""
 
 
 def same(a: Point, b: Point) -> bool:
     """True for points that every control treats as equal: an arc between them is a full circle."""
-    return math.dist(a, b) < SAME
+    return math.dist(a, b) < SAME_POINT_MM
 
 
 def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
@@ -49,7 +49,7 @@ def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> P
     None if the radius is 0, the end points coincide, or their distance exceeds the diameter by more than rounding.
     """
     chord = math.dist(start, end)
-    if radius == 0.0 or chord < SAME or chord / 2 > abs(radius) + RADIUS_TOLERANCE_MM:
+    if radius == 0.0 or chord < SAME_POINT_MM or chord / 2 > abs(radius) + RADIUS_TOLERANCE_MM:
         return None
     height = math.sqrt(max(0.0, radius * radius - chord * chord / 4))
     return _beside_chord(start, end, height * sense * math.copysign(1.0, radius))
@@ -60,8 +60,8 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
 
     `turned` is the sweep of the arc, rad; its middle is at `middle_share`. Across its chord the centre is shifted such
     that the middle is corrected; on short arcs less, because the shift would be large without an improvement. Along
-    its chord it is shifted by the mean of the shifts if the two radii then differ no more than before, up to CLOSE;
-    otherwise such that their difference is unchanged, in a second step if the first leaves more than CLOSE. On nearly
+    its chord it is shifted by the mean of the shifts if the two radii then differ no more than before, up to `RADIUS_DIFFERENCE_MM`;
+    otherwise such that their difference is unchanged, in a second step if the first leaves more than `RADIUS_DIFFERENCE_MM`. On nearly
     full circles, whose ends are close together, that shift would be large too, and the radii may differ; also where it
     would exceed the radius, because the ends lie in nearly one direction from the centre.
     """
@@ -81,12 +81,12 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
     square = n[0] ** 2 + n[1] ** 2
     if abs(turned) > math.pi:
         square = max(square, 1.0)
-    along = excess / square if CLOSE < abs(excess) < math.sqrt(square) * min(first, last) else 0.0
+    along = excess / square if RADIUS_DIFFERENCE_MM < abs(excess) < math.sqrt(square) * min(first, last) else 0.0
     x, y = centre[0] + mean[0] + across * w[0] - along * n[0], centre[1] + mean[1] + across * w[1] - along * n[1]
     (a, _, b), largest = shifts, max(math.hypot(*shift) for shift in shifts)
     left = math.dist((start[0] + a[0], start[1] + a[1]), (x, y)) - math.dist((end[0] + b[0], end[1] + b[1]), (x, y))
     left -= first - last
-    again = left / square if CLOSE < abs(left) < math.sqrt(square) * largest else 0.0
+    again = left / square if RADIUS_DIFFERENCE_MM < abs(left) < math.sqrt(square) * largest else 0.0
     return x + again * n[0], y + again * n[1]
 
 
@@ -101,7 +101,7 @@ def tangent_circle(start: Point, end: Point, heading: Point) -> tuple[Point, int
     """Centre and sense of the arc that leaves its start along the unit vector `heading`; None for a straight line."""
     way = (end[0] - start[0], end[1] - start[1])
     across, chord = heading[0] * way[1] - heading[1] * way[0], math.hypot(*way)
-    if chord < SAME or abs(across) < SAME * chord:
+    if chord < SAME_POINT_MM or abs(across) < SAME_POINT_MM * chord:
         return None
     radius = chord * chord / (2.0 * across)
     return (start[0] - radius * heading[1], start[1] + radius * heading[0]), 1 if across > 0.0 else -1
@@ -111,7 +111,7 @@ def circle_through(start: Point, middle: Point, end: Point) -> tuple[Point, int]
     """Centre and sense of the arc from start to end through a third point; None if the points lie on a line."""
     (x1, y1), (x2, y2) = ((p[0] - start[0], p[1] - start[1]) for p in (middle, end))
     twice = 2.0 * (x1 * y2 - y1 * x2)
-    if abs(twice) < SAME * max(math.hypot(x1, y1), math.hypot(x2, y2), SAME):
+    if abs(twice) < SAME_POINT_MM * max(math.hypot(x1, y1), math.hypot(x2, y2), SAME_POINT_MM):
         return None
     a, b = x1 * x1 + y1 * y1, x2 * x2 + y2 * y2
     centre = (start[0] + (y2 * a - y1 * b) / twice, start[1] + (x1 * b - x2 * a) / twice)
@@ -125,7 +125,7 @@ def between(start: Point, end: Point, centre: Point, turned: float) -> Point:
     move by as much as the centre: it stays where the chord is below a radius, because that is more than the ends miss.
     """
     chord = math.dist(start, end)
-    if chord < SAME or (chord < math.dist(start, centre) and abs(turned) > math.pi):
+    if chord < SAME_POINT_MM or (chord < math.dist(start, centre) and abs(turned) > math.pi):
         return centre
     u = ((end[0] - start[0]) / chord, (end[1] - start[1]) / chord)
     along = ((start[0] + end[0]) / 2 - centre[0]) * u[0] + ((start[1] + end[1]) / 2 - centre[1]) * u[1]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from postproc.motion.circles import SAME, Point, same
+from postproc.motion.circles import SAME_POINT_MM, Point, same
 from postproc.motion.moves import Arc
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
@@ -32,10 +32,10 @@ def follow_contour(recorder: Recorder, plane: tuple[int, int], target: list[floa
 def check_turned(block: Block, before: tuple[Point, Point], after: tuple[Point, Point]) -> None:
     """Refusal if the correction changes the direction of a move too much; `before`, `after`: its ends in the plane."""
     (x0, y0), (x1, y1) = ((end[0] - start[0], end[1] - start[1]) for start, end in (before, after))
-    if math.hypot(x0, y0) < SAME and math.hypot(x1, y1) < SAME:
+    if math.hypot(x0, y0) < SAME_POINT_MM and math.hypot(x1, y1) < SAME_POINT_MM:
         return
     turned = abs(math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1))
-    if turned > MOST_TURNED or math.hypot(x0, y0) < SAME:
+    if turned > MOST_TURNED or math.hypot(x0, y0) < SAME_POINT_MM:
         raise block.refuse(
             f"radius compensation: correcting the ends of this move of {math.hypot(x0, y0):.4f} mm would turn it by "
             f"{math.degrees(turned):.2f} deg, and the control would shift it another way"

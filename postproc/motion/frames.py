@@ -17,11 +17,11 @@ from kinematics.user_error import UserError
 
 NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
 """Plane of a rotation about each axis, by three letters: the last is the axis itself."""
-ALIKE = 1e-9
+SAME_SCALE = 1e-9
 """Relative difference of two scales below which it is rounding."""
 MOVED_MM = 100.0
 """Way of a drilling axis along which its direction is compared."""
-SAME_MM = 1e-7
+SAME_FRAME_MM = 1e-7
 """Difference of two positions below which it is rounding."""
 
 
@@ -68,7 +68,7 @@ class Frame:
             return True
         first, second = (_matrix(self.turn)[:, "XYZ".index(letter)] for letter in letters)
         size = float(first @ first)
-        return bool(abs(second @ second - size) < ALIKE * size and abs(first @ second) < ALIKE * size)
+        return bool(abs(second @ second - size) < SAME_SCALE * size and abs(first @ second) < SAME_SCALE * size)
 
     def turned(self, vector: Array) -> Array:
         """A direction `(3,)` in programmed coordinates, after the turn."""
@@ -106,7 +106,7 @@ def drills_along(machine: Machine, frame: Frame, program: Sequence[float], axis:
     ends[1, axis] += MOVED_MM
     other = to_program(machine, other_frame(machine, frame), to_machine(machine, frame, ends))
     apart = np.abs(other - ends)[0, axis], np.abs(other[1] - other[0] - (ends[1] - ends[0])).max()
-    return bool(max(apart) < SAME_MM)
+    return bool(max(apart) < SAME_FRAME_MM)
 
 
 def in_workpiece(machine: Machine, frame: Frame, program: Array) -> Array:

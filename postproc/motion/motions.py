@@ -14,7 +14,7 @@ from kinematics.transforms import AnyArray, Array, read_only
 from postproc.motion import axis_words
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.circle_columns import CircleColumns
-from postproc.motion.circles import SAME
+from postproc.motion.circles import SAME_POINT_MM
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.moves import Arc, Cycle, Kind, Known, Paced, Polar, PolarEnd, Spline
 from postproc.motion.rotary_words import RotaryWord
@@ -111,7 +111,7 @@ class Motions(Shown):
         """True `(n, axes)` where a cycle without a move of its own has left an axis elsewhere than the row before."""
         moved = np.zeros(self.start.shape, bool)
         same = (self.frame[1:] == self.frame[:-1]) & (self.kind[:-1] != Kind.CYCLE)
-        moved[1:] = same[:, None] & (np.abs(self.start[1:] - self.target[:-1]) > SAME)
+        moved[1:] = same[:, None] & (np.abs(self.start[1:] - self.target[:-1]) > SAME_POINT_MM)
         return np.asarray(moved & (self.known_start == Known.MACHINE))
 
     @column
@@ -174,8 +174,8 @@ class Motions(Shown):
         """
         way = np.abs(self.target - self.start)
         linear, rotary = list(self.machine.translators), self.machine.rotary
-        still = (way[:, linear] < SAME).all(axis=1) & (self.known == self.known_start)[:, linear].all(axis=1)
-        turns = (way[:, rotary] > SAME).any(axis=1)
+        still = (way[:, linear] < SAME_POINT_MM).all(axis=1) & (self.known == self.known_start)[:, linear].all(axis=1)
+        turns = (way[:, rotary] > SAME_POINT_MM).any(axis=1)
         found = np.asarray((self.kind == Kind.LINE) & ~self.timed & still & turns)
         found[list(self.paced)] = False
         return found

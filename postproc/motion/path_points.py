@@ -1,7 +1,7 @@
 """Points of the paths of moves between which no linear axis reverses.
 
 An axis reverses inside arcs, and inside moves of the tool point (TCP) during which rotary axes turn. Its turning points
-are the roots of the derivative of its path. The derivative is sampled in steps of at most STEP; in each step with equal
+are the roots of the derivative of its path. The derivative is sampled in steps of at most `LARGEST_SAMPLE_RAD`; in each step with equal
 signs at both ends its extremum is found first, because two roots may lie on either side of it.
 """
 
@@ -18,11 +18,11 @@ from postproc.motion.along import positions_along
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 
-STEP = np.pi / 12.0
+LARGEST_SAMPLE_RAD = np.pi / 12.0
 """Largest rotation of rotary axes, or sweep of an arc, between two samples of a derivative, rad."""
 DIFFERENCE = 1e-3
 """Share of a path over which it is differentiated: far above the rounding of positions."""
-ROUNDS = 8
+ROOT_ROUNDS = 8
 """Rounds of the search for a root: to less than 1e-5 of the path. A position differs from its extremum by the
 square."""
 
@@ -75,7 +75,7 @@ def turning_points_inside(motions: Motions, axes: Sequence[int]) -> tuple[np.nda
     curved = np.flatnonzero(sweep > 0.0)
     if not len(curved) or not axes:
         return np.empty(0, int), np.empty(0)
-    steps = np.maximum(np.ceil(sweep[curved] / STEP), 1.0).astype(int)
+    steps = np.maximum(np.ceil(sweep[curved] / LARGEST_SAMPLE_RAD), 1.0).astype(int)
     sampled = [_sampled(motions, curved[steps == count], count, axes) for count in np.unique(steps)]
     crossing, dipping = (Brackets.joined(found) for found in zip(*sampled, strict=True))
     paths = Paths(motions)
@@ -147,7 +147,7 @@ class Brackets(NamedTuple):
         low, high = self.low, self.high
         at_low, at_high = function(self, low), function(self, high)
         root = (low + high) / 2.0
-        for _ in range(ROUNDS if len(self.row) else 0):
+        for _ in range(ROOT_ROUNDS if len(self.row) else 0):
             between = np.divide(at_low, at_low - at_high, out=np.full(len(low), 0.5), where=at_low != at_high)
             root = low + np.clip(between, 0.0, 1.0) * (high - low)
             there = function(self, root)

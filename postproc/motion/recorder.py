@@ -11,7 +11,7 @@ import numpy as np
 from kinematics.machine import Machine, NDArrayBool
 from postproc.motion.along import heading
 from postproc.motion.axis_words import AxisWords
-from postproc.motion.circles import SAME
+from postproc.motion.circles import SAME_POINT_MM
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import BY_ROW, Motions
 from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd, StartPosition
@@ -291,7 +291,7 @@ class Recorder:
         if self._last is None:
             return False
         _, start, end, arc = self._last
-        return arc is None and all(abs(a - b) < SAME for a, b in zip(start, end, strict=True))
+        return arc is None and all(abs(a - b) < SAME_POINT_MM for a, b in zip(start, end, strict=True))
 
     def heading(self, plane: tuple[int, int, int]) -> tuple[float, float] | None:
         """Unit direction in a plane at the end of the last move; None if there is none in this frame."""

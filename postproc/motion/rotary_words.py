@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.machine import TURN, Machine
+from kinematics.machine import TURN_DEG, Machine
 from kinematics.transforms import Array
 from postproc.motion.moves import AxisWord
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 
-SAME_DEG = 1e-6
+SAME_ROTARY_DEG = 1e-6
 """Degrees: positions that differ by less are one; far above rounding, far below the resolution of any axis."""
 
 
@@ -57,37 +57,37 @@ class RotaryWord(NamedTuple):
 
     def reached(self, number: float, here: float) -> float:
         """Position, degrees, that a number leads to from the position `here`."""
-        ahead = (number - here) % TURN
-        ahead = 0.0 if TURN - ahead < SAME_DEG else ahead
+        ahead = (number - here) % TURN_DEG
+        ahead = 0.0 if TURN_DEG - ahead < SAME_ROTARY_DEG else ahead
         match self.way:
             case Way.AS_WRITTEN:
                 return number + self.turns
             case Way.SIGNED:
                 return _signed(number, here)
-            case Way.SHORTEST if ahead > TURN / 2 + SAME_DEG:
-                ahead -= TURN
-            case Way.NEGATIVE if ahead > SAME_DEG:
-                ahead -= TURN
-        return number + TURN * round((here + ahead - number) / TURN)
+            case Way.SHORTEST if ahead > TURN_DEG / 2 + SAME_ROTARY_DEG:
+                ahead -= TURN_DEG
+            case Way.NEGATIVE if ahead > SAME_ROTARY_DEG:
+                ahead -= TURN_DEG
+        return number + TURN_DEG * round((here + ahead - number) / TURN_DEG)
 
     def direction_known(self, way: float, *, stated: bool) -> bool:
         """True where the direction of a move by `way`, degrees, does not depend on the control.
 
         stated: the machine file, or an increment, says that numbers count turns.
         """
-        if abs(way) < TURN / 2 - SAME_DEG or self.way in (Way.POSITIVE, Way.NEGATIVE, Way.SIGNED):
+        if abs(way) < TURN_DEG / 2 - SAME_ROTARY_DEG or self.way in (Way.POSITIVE, Way.NEGATIVE, Way.SIGNED):
             return True
-        whole_turn = abs(math.remainder(way, TURN)) < SAME_DEG
+        whole_turn = abs(math.remainder(way, TURN_DEG)) < SAME_ROTARY_DEG
         return self.way is Way.AS_WRITTEN and (stated or whole_turn)
 
     def number(self, position: float, here: float, decimals: int) -> float:
         """The number, degrees, of a word that leads from `here` to a position, rounded where it has to wrap."""
         if self.way is Way.SIGNED:
-            return math.copysign(round(position % TURN, decimals) % TURN, position - here)
+            return math.copysign(round(position % TURN_DEG, decimals) % TURN_DEG, position - here)
         number = position - self.turns
-        if not self.way.wraps or 0.0 <= round(number, decimals) < TURN:
+        if not self.way.wraps or 0.0 <= round(number, decimals) < TURN_DEG:
             return number
-        return round(number % TURN, decimals) % TURN
+        return round(number % TURN_DEG, decimals) % TURN_DEG
 
 
 PLAIN = RotaryWord(Way.AS_WRITTEN)
@@ -95,10 +95,10 @@ PLAIN = RotaryWord(Way.AS_WRITTEN)
 
 def _signed(number: float, here: float) -> float:
     """The position by LinuxCNC's rule."""
-    position = abs(number) + TURN * math.floor(here / TURN)
+    position = abs(number) + TURN_DEG * math.floor(here / TURN_DEG)
     if math.copysign(1.0, number) > 0.0:
-        return position + TURN if position < here - SAME_DEG else position
-    return position - TURN if position > here + SAME_DEG else position
+        return position + TURN_DEG if position < here - SAME_ROTARY_DEG else position
+    return position - TURN_DEG if position > here + SAME_ROTARY_DEG else position
 
 
 @dataclass
@@ -144,7 +144,7 @@ class RotaryAxes:
 
     def accepts(self, axis: int, number: float) -> bool:
         """False for a number that a control with signed positions refuses."""
-        return self.ways[axis] is not Way.SIGNED or abs(number) < TURN
+        return self.ways[axis] is not Way.SIGNED or abs(number) < TURN_DEG
 
     def read(self, block: Block, word: AxisWord, number: float, here: float, offset: float) -> float:
         """Position after the word of a rotary axis, as `position`; Refusal for a number that is not followed."""
@@ -184,7 +184,7 @@ class RotaryAxes:
 
     def _inside(self, axis: int, degrees: float) -> bool:
         low, high = self.machine.axes[axis].travel
-        return low - SAME_DEG <= degrees <= high + SAME_DEG
+        return low - SAME_ROTARY_DEG <= degrees <= high + SAME_ROTARY_DEG
 
     def words_of_move(self) -> dict[int, RotaryWord]:
         """How the control reads the words of the rotary axes in the next move, without those that count turns."""
@@ -220,7 +220,7 @@ class RotaryAxes:
         for axis in self.axes:
             rows, values = self._named(run, axis)
             last = np.searchsorted(rows, np.arange(len(target)), side="right") - 1
-            found = TURN * np.round((target[rows, axis] - values) / TURN)
+            found = TURN_DEG * np.round((target[rows, axis] - values) / TURN_DEG)
             turns[:, axis] = np.where(last >= 0, np.append(found, self.turns[axis])[last], self.turns[axis])
         self.turns = turns[-1].tolist()
         shared: dict[tuple[float, ...], dict[int, RotaryWord]] = {}
@@ -245,7 +245,7 @@ def shortest_positions(numbers: Array, here: float, turns: float) -> Array:
     here: position before them; turns: its excess over the number of the control, degrees.
     """
     before = np.concatenate([[here - turns], numbers[:-1]])
-    ahead = (numbers - before) % TURN
-    ahead = np.where(ahead > TURN / 2 + SAME_DEG, ahead - TURN, ahead)
-    ahead = np.where(TURN - ahead < SAME_DEG, 0.0, ahead)
-    return np.asarray(numbers + TURN * np.round((here + np.cumsum(ahead) - numbers) / TURN))
+    ahead = (numbers - before) % TURN_DEG
+    ahead = np.where(ahead > TURN_DEG / 2 + SAME_ROTARY_DEG, ahead - TURN_DEG, ahead)
+    ahead = np.where(TURN_DEG - ahead < SAME_ROTARY_DEG, 0.0, ahead)
+    return np.asarray(numbers + TURN_DEG * np.round((here + np.cumsum(ahead) - numbers) / TURN_DEG))

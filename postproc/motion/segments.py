@@ -21,7 +21,7 @@ from postproc.motion.moves import Arc, Kind, Known
 
 NEARLY_A_TURN = 2 * math.pi - 1e-3
 """Sweep of an arc that is nearly a full circle, rad."""
-SMALL = 1 << 20
+LARGEST_SHARE_DENOMINATOR = 1 << 20
 """Largest denominator of a share."""
 
 
@@ -119,7 +119,8 @@ def _of_whole_moves(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
     end = np.where(later, np.append(begin[1:], 0.0), 1.0)
     for i in np.flatnonzero((np.isfinite(begin + end) & (motions.added | later))[rows]).tolist():
         low, high, share = (
-            Fraction(each).limit_denominator(SMALL) for each in (begin[rows[i]], end[rows[i]], shares[i])
+            Fraction(each).limit_denominator(LARGEST_SHARE_DENOMINATOR)
+            for each in (begin[rows[i]], end[rows[i]], shares[i])
         )
         whole[i] = float(low + share * (high - low))
     return whole

@@ -10,7 +10,7 @@ from postproc.probing.sequence import ProbingSequence, ProbingSettings, Touch, j
 
 PROGRAMS = 7999
 """Program numbers from 1 to this are the user's: 8000 to 9999 may be protected (Fanuc)."""
-MISSED = 900
+MISSED_N = 900
 """Sequence number of the stop for a touch without contact (Fanuc)."""
 AT_START_MM = 0.001
 """Largest difference of the active coordinates from the axis positions at the parking position, mm."""
@@ -82,7 +82,7 @@ class Fanuc:
         name = self.settings.offset[0] if self.settings.offset else "G54"
         # 5021 to 5023: machine coordinates; 5041 to 5043: coordinates with the work offset
         checks = [
-            f"IF[ABS[#{5021 + k}-#{5041 + k}-[{self.offset.get(axis, 0.0):.4f}]]GT{AT_START_MM}]GOTO{MISSED + 1}"
+            f"IF[ABS[#{5021 + k}-#{5041 + k}-[{self.offset.get(axis, 0.0):.4f}]]GT{AT_START_MM}]GOTO{MISSED_N + 1}"
             for k, axis in enumerate("XYZ")
         ]
         return [
@@ -111,7 +111,7 @@ class Fanuc:
         target = {name: touch.end[name] - self.offset.get(name, 0.0) for name in touch.back}
         end = joined(target)
         gap = "+".join(f"ABS[#{5061 + 'XYZ'.index(name)}-[{value:.4f}]]" for name, value in target.items())
-        missed = f"IF[{gap}LT0.005]GOTO{MISSED}"
+        missed = f"IF[{gap}LT0.005]GOTO{MISSED_N}"
         found = [f"#{101 + k}=#{5061 + k}+#{5021 + k}-#{5041 + k}" for k in range(3)]
         return [
             f"G31 {end} F{self.settings.probing:.1f}",
@@ -130,9 +130,9 @@ class Fanuc:
         return [
             "PCLOS",
             "M30",
-            f"N{MISSED}",
+            f"N{MISSED_N}",
             "PCLOS",
             "#3000=1(NO CONTACT)",
-            f"N{MISSED + 1} #3000=2(WORK OFFSET OR TOOL LENGTH)",
+            f"N{MISSED_N + 1} #3000=2(WORK OFFSET OR TOOL LENGTH)",
             "%",
         ]

@@ -9,9 +9,9 @@ from kinematics.machine import Machine
 from postproc.generate import plain
 from postproc.probing.sequence import ProbingSequence, ProbingSettings, Touch, joined
 
-MISSED = 99
+MISSED_LABEL = 99
 """Label of the stop for a touch without contact."""
-RESULT, START, FOUND, ROW, TOUCH = 60, 70, 80, 90, 91
+RESULT, START, FOUND, ROW, Q_TOUCH = 60, 70, 80, 90, 91
 """Q parameters: first of the result of the cycle, of the position before it, of the axis positions at the contact."""
 SYSTEM = "XYZABC"
 """Axes in the order of the indices of FN 18 ID270."""
@@ -59,13 +59,13 @@ class Klartext:
             *found,
             *turned,
             f"Q{ROW} = {touch.row}",
-            f"Q{TOUCH} = {touch.number}",
+            f"Q{Q_TOUCH} = {touch.number}",
             f"FN 16: F-PRINT TNC:\\ncomp.a / {output}.txt",
         )
 
     def end(self) -> list[str]:
         """The end of the log and of the program."""
-        return self._blocks("M30", f"LBL {MISSED}", "; NO CONTACT", "STOP", "M30", "END PGM NCOMP MM")
+        return self._blocks("M30", f"LBL {MISSED_LABEL}", "; NO CONTACT", "STOP", "M30", "END PGM NCOMP MM")
 
     def _cycle(self, touch: Touch, feed: float, length: float) -> list[str]:
         """A touch along the line to its end, and back from the contact by MB.
@@ -78,7 +78,7 @@ class Klartext:
             f"TCH PROBE 4.1 Q{RESULT}",
             f"TCH PROBE 4.2 {way}",
             f"TCH PROBE 4.3 DIST+{length:.3f} F{feed:g} MB{self.settings.back_mm:g} REFERENCE SYSTEM:0",
-            f"FN 9: IF +Q{RESULT + 3} EQU -1 GOTO LBL {MISSED}",
+            f"FN 9: IF +Q{RESULT + 3} EQU -1 GOTO LBL {MISSED_LABEL}",
         ]
 
     def _blocks(self, *texts: str) -> list[str]:
@@ -95,4 +95,4 @@ def mask(machine: Machine) -> str:
     names = [*linear, *(axis.name for axis in machine.axes if axis.rotary)]
     cells = " ".join(f"{name}%+12.5LF" for name in names)
     numbers = ", ".join(f"Q{FOUND + k}" for k in range(len(names)))
-    return f'"NCOMP P%5.0LF T%2.0LF {cells}", Q{ROW}, Q{TOUCH}, {numbers};\n'
+    return f'"NCOMP P%5.0LF T%2.0LF {cells}", Q{ROW}, Q{Q_TOUCH}, {numbers};\n'

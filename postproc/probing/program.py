@@ -23,7 +23,7 @@ from postproc.probing.siemens import Siemens
 CONTROLS = ("linuxcnc", "fanuc", "heidenhain", "siemens")
 NOT_TRIED = ("fanuc", "heidenhain", "siemens")
 """Controls on which no program of ncomp has run."""
-DECIMALS = 4
+PROBING_DECIMALS = 4
 
 
 class ProbingFormat(Protocol):
@@ -103,12 +103,12 @@ def _touch(
 ) -> Touch:
     linear = [axis.name for axis in machine.axes if not axis.rotary]
     path = np.array([end[name] - start[name] for name in linear])
-    back = np.round(-path / np.linalg.norm(path) * back_mm, DECIMALS) + 0.0
+    back = np.round(-path / np.linalg.norm(path) * back_mm, PROBING_DECIMALS) + 0.0
     return Touch(*number, start, end, dict(zip(linear, back.tolist(), strict=True)))
 
 
 def _words(machine: Machine, positions: Array) -> dict[str, float]:
-    return dict(zip(machine.names, (np.round(positions, DECIMALS) + 0.0).tolist(), strict=True))
+    return dict(zip(machine.names, (np.round(positions, PROBING_DECIMALS) + 0.0).tolist(), strict=True))
 
 
 def _remarks(sequence: ProbingSequence, settings: ProbingSettings, control: str, title: str) -> list[str]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 from postproc.control import channel
 from postproc.control.channel import AxisWords
 from postproc.control.codes import HARMLESS_M, MOTION, PLANES, PROBE_BESIDE
-from postproc.siemens.codes import END_OF_SUBPROGRAM, FEED_MODES, MEASURING, UNITS
+from postproc.siemens.codes import END_OF_SUBPROGRAM, FEED_TYPES, MEASURING, UNITS
 from postproc.siemens.modal_state import ModalState
 from postproc.siemens.polar import Polar
 from postproc.siemens.variables import SiemensVariables
@@ -26,7 +26,7 @@ class Channel(channel.Channel):
 
     harmless_m: ClassVar[frozenset[float]] = HARMLESS_M | {END_OF_SUBPROGRAM, *map(float, range(40, 46))}
     units: ClassVar[Mapping[float, float]] = UNITS
-    feed_modes: ClassVar[frozenset[float]] = FEED_MODES
+    feed_modes: ClassVar[frozenset[float]] = FEED_TYPES
     with_own_variables = OF_CONTROL
 
     def accept(self, block: Block, name: str, reason: str, *, moves: bool = False) -> None:

@@ -24,7 +24,7 @@ SPLINE_WORDS = frozenset(("PW", "SD", "PL"))
 """Weight of a point, degree, and interval of the parameter, of B-splines."""
 CALCULATED_CURVES = CALCULATED_ARCS | SPLINES | SPLINE_ENDS
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
-FEED_MODES = frozenset((93.0, 94.0, 95.0, 96.0, 97.0, 961.0, 971.0))
+FEED_TYPES = frozenset((93.0, 94.0, 95.0, 96.0, 97.0, 961.0, 971.0))
 WORK_OFFSETS = frozenset((*map(float, range(54, 58)), *map(float, range(505, 600)), 500.0))
 MACHINE = frozenset((53.0, 153.0))
 """The block's coordinates are those of the machine."""
@@ -34,7 +34,7 @@ REFERENCE = frozenset((74.0, 75.0))
 POLES = frozenset((110.0, 111.0, 112.0))
 """The block's coordinates are those of a pole, seen from the last position, the zero, or the last pole."""
 END_OF_SUBPROGRAM = 17.0
-COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0)), 40.0
+CUTTER_RADIUS, CUTTER_RADIUS_END = frozenset((41.0, 42.0)), 40.0
 HARMLESS_G = frozenset(
     map(
         float,
@@ -45,8 +45,8 @@ HARMLESS_G = frozenset(
     )
 )  # fmt: skip
 GROUPS = (
-    frozenset(MOTION), frozenset(PLANES), frozenset(UNITS), DISTANCES, FEED_MODES, WORK_OFFSETS,
-    MACHINE | REFERENCE | POLES | LIMITS | {DWELL}, COMPENSATION | {COMPENSATION_END},
+    frozenset(MOTION), frozenset(PLANES), frozenset(UNITS), DISTANCES, FEED_TYPES, WORK_OFFSETS,
+    MACHINE | REFERENCE | POLES | LIMITS | {DWELL}, CUTTER_RADIUS | {CUTTER_RADIUS_END},
 )  # fmt: skip
 REFUSED_G = {
     **dict.fromkeys((33.0, 34.0, 35.0, 63.0, 331.0, 332.0), "cuts a thread, which is not corrected"),

@@ -43,7 +43,7 @@ _OUTPUTS = "OUT OUTA DBB DBW DBD DBR"
 _COUNTERS = "$AC_TIMER $AC_MARKER $AC_PARAM"
 SETTINGS = frozenset((*_SPEEDS.split(), *(f"$A_{name}" for name in _OUTPUTS.split()), *_COUNTERS.split()))
 """Speeds of axes, positions of spindles, outputs, timers and markers: they move nothing elsewhere."""
-MOST = 100_000
+MOST_FIELD_ELEMENTS = 100_000
 """Elements of a field."""
 EMPTY = Operation("an omitted argument", ())
 """An argument that is left out."""
@@ -338,8 +338,8 @@ class SiemensVariables:
         here.kinds[name], here.sizes[name] = kind, tuple(sizes)
         empty: Value = "" if kind in ("STRING", "CHAR", "AXIS", "FRAME") else 0.0
         elements = math.prod(sizes)
-        if elements > MOST:
-            raise NotKnown(f"the array has {elements} elements: write at most {MOST}")
+        if elements > MOST_FIELD_ELEMENTS:
+            raise NotKnown(f"the array has {elements} elements: write at most {MOST_FIELD_ELEMENTS}")
         every = list(itertools.product(*(range(size) for size in sizes)))
         for at in every:
             here.values[name, at] = empty

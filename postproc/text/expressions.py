@@ -11,7 +11,7 @@ Value: TypeAlias = float | str
 """True is 1.0, false 0.0."""
 Operations: TypeAlias = Mapping[str, Callable[..., Value]]
 
-CLOSE = 1e-9
+ROUNDED_SUM = 1e-9
 """Numbers that differ by no more, of themselves or of 1, differ by how a control rounds its sums."""
 
 
@@ -258,7 +258,7 @@ def truth(value: bool) -> float:
 
 def nearly(a: float, b: float) -> bool:
     """True for numbers that are one but for rounding."""
-    return abs(a - b) <= CLOSE * max(1.0, abs(a), abs(b))
+    return abs(a - b) <= ROUNDED_SUM * max(1.0, abs(a), abs(b))
 
 
 def equal(a: Value, b: Value) -> bool:

@@ -33,7 +33,7 @@ from postproc.text.statements import (
     turns,
 )
 
-LONGEST = 2_000_000
+MOST_RUN_BLOCKS = 2_000_000
 """Blocks that a program may run."""
 MAIN = sys.maxsize - 1
 """The place of the call of the main program, behind all blocks."""
@@ -163,8 +163,10 @@ class Flow:
         while (at < len(blocks) and at not in ends) or not self.listing.at_end(at):
             block = blocks[at]
             ran += 1
-            if ran > LONGEST:
-                raise block.refuse(f"the program does not end within {LONGEST} blocks: check its loops and jumps")
+            if ran > MOST_RUN_BLOCKS:
+                raise block.refuse(
+                    f"the program does not end within {MOST_RUN_BLOCKS} blocks: check its loops and jumps"
+                )
             jumped, self._jumped, then = self._jumped, False, None
             plain = None if jumped or self._modal_call() else self.listing.plain(at, self.frames[-1].last, self.ran)
             self.ran.add(at)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
-LONGEST = 120
+LIST_CHARACTERS = 120
 """Characters of a list of lines that a person reads."""
 FILE = 1 << 40
 """A line of the main program has its own number; those of the n-th called file are counted from n times FILE."""
@@ -57,4 +57,4 @@ def ranges(lines: Iterable[int]) -> str:
 
 def shortened(text: str) -> str:
     """Ranges without those that are too many."""
-    return text if len(text) <= LONGEST else text[:LONGEST].rpartition(", ")[0] + ", ..."
+    return text if len(text) <= LIST_CHARACTERS else text[:LIST_CHARACTERS].rpartition(", ")[0] + ", ..."

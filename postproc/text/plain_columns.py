@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array, read_only
 
-WIDEST = 12
+NUMBER_CHARACTERS = 12
 """Characters of the number of an axis, at most, without sign: its digits are an integer that a float holds exactly."""
 MOST_DECIMALS = 9
 PACKED = 8
@@ -22,7 +22,7 @@ POWERS = read_only(10.0 ** np.arange(23))
 def values_of(text: bytes, start: np.ndarray, end: np.ndarray, decimals: np.ndarray) -> Array:
     """Values `(k,)` of numbers without signs from `start` to `end`, each the float nearest to its digits.
 
-    decimals `(k,)`: -1 for a number without a point. Of numbers that are wider than WIDEST or have more than
+    decimals `(k,)`: -1 for a number without a point. Of numbers that are wider than `NUMBER_CHARACTERS` or have more than
     MOST_DECIMALS the values are undefined.
     """
     values, short = np.zeros(len(start)), end - start <= PACKED
@@ -55,8 +55,8 @@ def _packed(text: bytes, start: np.ndarray, end: np.ndarray, decimals: int) -> A
 
 
 def _spelled(text: bytes, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
-    """The result of `_packed` for numbers of up to WIDEST characters."""
-    width = np.minimum(end - start, WIDEST)
+    """The result of `_packed` for numbers of up to `NUMBER_CHARACTERS` characters."""
+    width = np.minimum(end - start, NUMBER_CHARACTERS)
     places = np.arange(int(width.max()), dtype=np.int32)[:, None]
     digits = np.frombuffer(text, np.uint8)[np.maximum(end - 1 - places, 0)] - np.uint8(ord("0"))
     digits *= places < width

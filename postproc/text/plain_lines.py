@@ -18,7 +18,7 @@ from kinematics.machine import NDArrayBool
 from postproc.text.block import Block, Word
 from postproc.text.plain_columns import (
     MOST_DECIMALS,
-    WIDEST,
+    NUMBER_CHARACTERS,
     NumberMarks,
     PlainColumns,
     PlainVectors,
@@ -41,9 +41,9 @@ from postproc.text.plain_style import (
     PlainStyle,
 )
 
-LONGEST = 180
+PLAIN_LINE_CHARACTERS = 180
 """Characters of a plain line, at most: no control refuses it, also with corrections of all its words."""
-LARGEST = 1e6
+LARGEST_PLAIN_NUMBER = 1e6
 """Number of an axis, at least, that is left to the reader of single lines."""
 
 
@@ -117,7 +117,7 @@ class PlainLines:
     def regular(self) -> NDArrayBool:
         """Lines with the characters of plain lines in an order that plain lines may have."""
         classes = self._classes
-        regular = np.diff(self.starts) <= LONGEST
+        regular = np.diff(self.starts) <= PLAIN_LINE_CHARACTERS
         pairs = (classes[:-1] << 4) | classes[1:]
         wrong = np.flatnonzero(np.frombuffer(pairs.tobytes().translate(self._style.refused), np.uint8)) + 1
         regular[self._line_of(wrong)] = False
@@ -125,7 +125,7 @@ class PlainLines:
         # blanks between words, and between an address and its number
         last = np.flatnonzero((classes[:-1] == BLANK) & (classes[1:] != BLANK))
         before = last - 1
-        for _ in range(LONGEST):  # one before the first line finds the line feed at the end
+        for _ in range(PLAIN_LINE_CHARACTERS):  # one before the first line finds the line feed at the end
             blank = classes[before] == BLANK
             if not blank.any():
                 break
@@ -153,7 +153,7 @@ class PlainLines:
         head[line] = heads
         found[(line_of_points := self._line_of(points))[points < head[line_of_points]]] = False
         first = self.starts[:-1].copy()
-        for _ in range(LONGEST):
+        for _ in range(PLAIN_LINE_CHARACTERS):
             blank = classes[first] == BLANK
             if not blank.any():
                 break
@@ -208,12 +208,12 @@ class PlainLines:
         end = np.append(at[1:], 0)[: len(at)].astype(np.int32)
         end[last] = self._ends[line[last]]
         start = at + 1
-        for _ in range(LONGEST):
+        for _ in range(PLAIN_LINE_CHARACTERS):
             blank = classes[start] == BLANK
             if not blank.any():
                 break
             start += blank
-        for _ in range(LONGEST):
+        for _ in range(PLAIN_LINE_CHARACTERS):
             before = classes[end - 1]
             blank = (before == BLANK) | (before == RETURN)
             if not blank.any():
@@ -293,9 +293,9 @@ class PlainLines:
         digits = start + (self._classes[start] == SIGN)
         for i in range(len(addresses)):
             self._refuse_repeated(line[column == i], plain)
-        plain[line[(end - digits > WIDEST) | (decimals > MOST_DECIMALS)]] = False
+        plain[line[(end - digits > NUMBER_CHARACTERS) | (decimals > MOST_DECIMALS)]] = False
         numbers = np.abs(values_of(self.data, digits, end, decimals))
-        plain[line[numbers >= LARGEST]] = False
+        plain[line[numbers >= LARGEST_PLAIN_NUMBER]] = False
         numbers = np.where(self._bytes[start] == ord("-"), -numbers, numbers)
         shape, cell = (len(addresses), lines), column * np.int64(lines) + line
         absent = np.full(lines, -1, np.int8)

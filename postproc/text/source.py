@@ -26,7 +26,7 @@ BYTE_ORDER_MARK = "\xef\xbb\xbf"
 HEAD_SIZE = 20_000
 LONGEST_LINE = 1_000_000
 """Characters; a control takes some hundred, a line of a Klartext cycle's text a few thousand."""
-CHUNK = 16384
+CHUNK_BLOCKS = 16384
 """Blocks that are worked on together: enough for NumPy, few enough for the processor's cache."""
 PIECE = 1 << 20
 """Bytes that are read together."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.transforms import Array, by_turn
 
-NULL = 1e-12
+NULL_SINGULAR_VALUE = 1e-12
 """Ratio to the largest singular value below which a rotation has no effect: points on one line."""
 
 
@@ -58,7 +58,7 @@ class BestFit:
         anew = np.eye(6)
         anew[:3, 3:], anew[3:, 3:] = by_turn(-away[None])[0] / spread, np.eye(3) * size / spread
         right = anew.T @ self._right
-        fitted = np.linalg.lstsq(anew.T @ self._normal @ anew, right, rcond=NULL)[0]
+        fitted = np.linalg.lstsq(anew.T @ self._normal @ anew, right, rcond=NULL_SINGULAR_VALUE)[0]
         left = max(self._squares - float(fitted @ right), 0.0)
         numbers = {"shift_um": fitted[:3], "turn_urad": fitted[3:] * 1e3 / spread, "about_mm": self._centre + away}
         rounded = {name: np.round(values, 4).tolist() for name, values in numbers.items()}

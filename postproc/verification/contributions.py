@@ -14,7 +14,7 @@ from postproc.compensation.datum import poses, touched
 from postproc.evaluation.predicted_errors import Statistic
 from postproc.motion.motions import Motions, merged
 
-ROWS = 2000
+LEAST_CONTRIBUTION_MOVES = 2000
 """Least number of evaluated moves at which contributions are computed, where a program has so many."""
 
 
@@ -41,7 +41,7 @@ class Contributions:
         self._parts.append(motions.bare.take(rows).with_used_frames)
         if approach is not None:
             self._approach.append(approach[rows])
-        while sum(map(len, self._parts)) >= 2 * ROWS:
+        while sum(map(len, self._parts)) >= 2 * LEAST_CONTRIBUTION_MOVES:
             self._thin_out()
 
     def _thin_out(self) -> None:

@@ -14,7 +14,7 @@ from kinematics.user_error import UserError
 from postproc.motion.motions import Motions, merged
 from postproc.motion.moves import Kind
 from postproc.motion.segments import like
-from postproc.text.source import CHUNK
+from postproc.text.source import CHUNK_BLOCKS
 
 
 class DifferentMoves(UserError):
@@ -44,13 +44,13 @@ def match(nominal: Motions, commanded: Motions) -> Matched:
 
 
 def in_step(nominal: Iterable[Motions], commanded: Iterable[Motions], size: int = 0) -> Iterator[Matched]:
-    """The moves of the chunks of two programs, `size` (0: CHUNK) moves of the original at a time, at least once.
+    """The moves of the chunks of two programs, `size` (0: `CHUNK_BLOCKS`) moves of the original at a time, at least once.
 
     Backlash take-ups and segments stay with their move. Both programs are read to their ends in any case, the first
     one first: a refusal of a line comes before DifferentMoves.
     """
     original, corrected = _Moves(iter(nominal), corrected=False), _Moves(iter(commanded), corrected=True)
-    size = size or CHUNK
+    size = size or CHUNK_BLOCKS
     try:
         more = True
         while more:

@@ -16,7 +16,7 @@ from postproc.verification.verify_programs import Verification
 from rendering.figures import AFTER, BEFORE, Figure, Panel, bars, grid, ranked
 from rendering.report import Report, Section, Table, facts
 
-LARGEST = 10
+LISTED_CONTRIBUTIONS = 10
 """Number of error motions that are listed with their contributions."""
 HEAD = ("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points")
 CLASSES = ("classes corrected", "tool point max, um", "RMS, um", "tool axis max, urad", "RMS, urad", "rotary max, urad")
@@ -76,7 +76,7 @@ def _of_model(verdict: Verdict, by: str, *, best_fit: bool) -> Iterator[Section]
         rows.append(("best fit, along", "", f"{before['rms']:.2f}", "", f"{after['rms']:.2f}", str(before["count"])))
     title = " ".join(filter(None, (f"Tool point error{_relative(verdict)}", by)))
     yield Section(title, table=Table(HEAD, rows), figure=partial(_before_and_after, verdict))
-    ranked_by_rms = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)[:LARGEST]
+    ranked_by_rms = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)[:LISTED_CONTRIBUTIONS]
     if ranked_by_rms:
         parts = [(name, f"{statistic.largest:.2f}", f"{statistic.rms:.2f}") for name, statistic in ranked_by_rms]
         title = " ".join(filter(None, ("Largest contributions before correction", by)))

@@ -44,10 +44,10 @@ from postproc.write.added_blocks import Tag, start_fraction_of, tag_of
 
 EVEN = 5e-6
 """mm, half of the last printed digit: errors that deviate by less from an even change follow from those at the ends."""
-STRAIGHT = 1e-3
+STRAIGHT_MM = 1e-3
 """mm: as EVEN, of the places of these errors, which the best fit needs."""
-QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
-HALVINGS = 7
+VERIFIED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+MOST_MOVE_HALVINGS = 7
 """An eighth of a move is halved so often at most: 1024 places, 128 features of the errors along a move."""
 
 
@@ -236,11 +236,11 @@ class Verifier:
         others = np.flatnonzero(~joined.rows[rows] | motions.tcp[rows] | np.isin(rows, list(motions.arcs)))
         if len(others):
             some = rows[others]
-            bare, shares = motions.bare.take(some), (np.full(len(some), share) for share in QUARTERS)
+            bare, shares = motions.bare.take(some), (np.full(len(some), share) for share in VERIFIED_SHARES)
             positions = [bare.in_machine(positions_along(motions, some, share)) for share in shares]
             ways[others] = np.abs(np.diff(positions, axis=0)).sum(axis=0)
         features = (ways / self._features).max(axis=1, initial=1.0)
-        return np.asarray(np.minimum(np.ceil(np.log2(features)), HALVINGS).astype(int))
+        return np.asarray(np.minimum(np.ceil(np.log2(features)), MOST_MOVE_HALVINGS).astype(int))
 
     def _add_closely(self, moves: Matched, joined: Joined, rows: np.ndarray, shift: Array) -> None:
         """Add the errors between the eighths of feed moves `(k,)` to the largest ones, where they may be larger."""
@@ -296,7 +296,7 @@ class Verifier:
             bounds(start, end, nominal.tool, nominal.tcp, np.zeros(n, bool), np.zeros((n, 3)), EVEN / 2.0)
             for start, end in zip(joined.starts, joined.ends, strict=True)
         )
-        even = (np.maximum(before, after + joined.bends) <= EVEN) & (joined.path_bends <= STRAIGHT)
+        even = (np.maximum(before, after + joined.bends) <= EVEN) & (joined.path_bends <= STRAIGHT_MM)
         even &= nominal.tcp == moves.commanded.tcp
         return np.asarray(joined.rows & even & np.isfinite(joined.first).all(axis=1))
 

@@ -42,7 +42,7 @@ class Tag(StrEnum):
     """Segment of a move, with its start fraction: NCOMP FROM 3/8."""
 
 
-LARGEST = 1 << 20
+LARGEST_DENOMINATOR = 1 << 20
 """Largest denominator of a share that is shortened."""
 _SHARE = re.compile(rf"{Tag.PART} (\d+)/(\d+)")
 
@@ -61,7 +61,7 @@ def start_fraction_of(text: str) -> float:
 @lru_cache(maxsize=1 << 12)
 def part(start_fraction: float) -> str:
     """Comment of a block that begins at a share of its programmed move."""
-    share = Fraction(start_fraction).limit_denominator(LARGEST)
+    share = Fraction(start_fraction).limit_denominator(LARGEST_DENOMINATOR)
     if float(share) != start_fraction:
         share = Fraction(start_fraction)
     count, of = share.as_integer_ratio()

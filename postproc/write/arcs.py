@@ -9,7 +9,7 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.motion.circles import (
     OUT_OF_ROUND,
-    SAME,
+    SAME_POINT_MM,
     Point,
     between,
     centre_from_radius,
@@ -97,7 +97,7 @@ class CircleWriter:
             and math.dist(start, centre) > DOT
         ):
             raise block.refuse(f"rounding would reverse this arc of {math.degrees(turned):.4f} deg: it is too short")
-        if math.dist(start, centre) < SAME or math.dist(end, centre) < SAME:
+        if math.dist(start, centre) < SAME_POINT_MM or math.dist(end, centre) < SAME_POINT_MM:
             raise block.refuse("rounding would leave this arc without a radius: it is too small")
         return arc._replace(centre=centre)
 
@@ -217,7 +217,7 @@ class NominalArc(NamedTuple):
             radius = math.dist(moved, centre)
             fault = math.dist(start, centre) - radius - programmed
             excess, furthest = abs(fault) - OUT_OF_ROUND / 2, furthest or 1.5 * abs(fault)
-            if excess <= SAME or radius < SAME:
+            if excess <= SAME_POINT_MM or radius < SAME_POINT_MM:
                 break
             share = math.copysign(excess, fault) / radius
             following = moved[0] + share * (moved[0] - centre[0]), moved[1] + share * (moved[1] - centre[1])

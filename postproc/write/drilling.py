@@ -171,18 +171,21 @@ def _put_on_circle(
     """Write diameter and first angle of a circle, whose centre is `held`, for a hole at a target; `held` gets there."""
     (x, decimals), (y, _) = plane
     along = complex(float(target[x]) - held[x], float(target[y]) - held[y]) / unit
-    diameter, angle = round(2.0 * abs(along), decimals), round(math.degrees(cmath.phase(along)), ANGLE_DECIMALS)
+    diameter, angle = (
+        round(2.0 * abs(along), decimals),
+        round(math.degrees(cmath.phase(along)), KLARTEXT_ANGLE_DECIMALS),
+    )
     style = msgspec.structs.replace(editor.layout.numbers, plus=True)
     for word in editor.block.words:
         if word.address == "Q244":
             editor.put(word.start, word.end, style.write(diameter, decimals))
         elif word.address == "Q245":
-            editor.put(word.start, word.end, style.write(angle, ANGLE_DECIMALS))
+            editor.put(word.start, word.end, style.write(angle, KLARTEXT_ANGLE_DECIMALS))
     hole = cmath.rect(diameter / 2.0 * unit, math.radians(angle))
     held[x], held[y] = held[x] + hole.real, held[y] + hole.imag
 
 
-ANGLE_DECIMALS = 4
+KLARTEXT_ANGLE_DECIMALS = 4
 """Decimals of an angle in degrees that Klartext controls read."""
 ONE_HOLE = {"Q237": "+0", "Q238": "+0", "Q242": "+1", "Q243": "+1", "Q224": "+0"}
 """Spacings, numbers of columns and lines, and rotation of a pattern of one hole."""

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from postproc.compensation.correction import Correction
-from postproc.motion.frames import SAME_MM
+from postproc.motion.frames import SAME_FRAME_MM
 from postproc.motion.motions import Motions
 from postproc.text.block import Block
 from postproc.text.line_numbers import ranges, shortened
@@ -23,7 +23,7 @@ def axes_across(motions: Motions, row: int, moved: Iterable[int]) -> list[int]:
     if arc is None or motions.blocks[motions.block[row]].kind == "words":
         return []
     named = {word.axis for word in motions.words[row]}.union(arc.plane[:2])
-    unmoved = abs(motions.target[row] - motions.start[row]) < SAME_MM
+    unmoved = abs(motions.target[row] - motions.start[row]) < SAME_FRAME_MM
     return [axis for axis in moved if axis not in named and unmoved[axis]]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kinematics.transforms import Array
-from postproc.motion.circles import SAME
+from postproc.motion.circles import SAME_POINT_MM
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 from postproc.motion.segments import arc_ends, arc_turned
@@ -19,16 +19,16 @@ from postproc.write.added_blocks import AddedBlock, Tag, feed_index
 def add_inverse_time(motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
     """F under G93: of a segment by its share of the time of its move; of a take-up by the speed of the move."""
     if added.tag is Tag.TAKE_UP:
-        added.feed_of(_per_minute(motions, row, _length) / max(moved, SAME))
+        added.feed_of(_per_minute(motions, row, _length) / max(moved, SAME_POINT_MM))
     else:
-        added.feed_of(_per_minute(motions, row, _extent) / max(_extent(motions, row), SAME))
+        added.feed_of(_per_minute(motions, row, _extent) / max(_extent(motions, row), SAME_POINT_MM))
 
 
 def write_inverse_time(motions: Motions, row: int, editor: WordEditor) -> None:
     """Under G93: F of the first segment of a move, for its share of the time of the move."""
     index = feed_index(editor.block)
     assert index is not None
-    editor.set(index, _per_minute(motions, row, _extent) / max(_extent(motions, row), SAME), 3)
+    editor.set(index, _per_minute(motions, row, _extent) / max(_extent(motions, row), SAME_POINT_MM), 3)
 
 
 def _per_minute(motions: Motions, row: int, length: Callable[[Motions, int], float]) -> float:

@@ -13,18 +13,18 @@ import numpy as np
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
 from postproc.motion.circle_columns import centres_by_radius, moved_centres, sweeps
-from postproc.motion.circles import OUT_OF_ROUND, SAME
+from postproc.motion.circles import OUT_OF_ROUND, SAME_POINT_MM
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Kind, Known
 from postproc.write.arcs import HALF, LARGEST_DEVIATION
 
 RADIUS = "R"
 """Address of a radius in plain lines."""
-SMALLEST = 0.02
+SMALLEST_PLAIN_ARC_MM = 0.02
 """Radius and chord, mm, below which an arc is written by itself: rounding may change its sweep."""
-LONGEST = 5.0
+LARGEST_PLAIN_SWEEP_RAD = 5.0
 """Sweep, rad, above which an arc is written by itself: its end may have to be rounded off."""
-HALF_TURN = 0.5
+HALF_TURN_MARGIN_RAD = 0.5
 """Difference of a sweep from half a turn, rad, below which an arc by its radius is written by itself."""
 
 
@@ -66,9 +66,15 @@ class WritableArcs(msgspec.Struct, frozen=True):
         found = cls(rows, arcs, start, end, centre, sense, circles.turned, shift, by_radius, absolute)
         known = (motions.known_start[rows[:, None], cells] == Known.PROGRAM).all(axis=1)
         whole = np.fromiter((arc.full or arc.turns > 0 for arc in arcs), bool, len(rows))
-        small = np.minimum(np.abs(start - end), np.abs(start - centre)) < SMALLEST
-        near_half = by_radius & (np.abs(np.abs(found.turned) - np.pi) < HALF_TURN)
-        alone = small | near_half | whole | (np.abs(found.turned) >= LONGEST) | (motions.kind[rows] != Kind.ARC)
+        small = np.minimum(np.abs(start - end), np.abs(start - centre)) < SMALLEST_PLAIN_ARC_MM
+        near_half = by_radius & (np.abs(np.abs(found.turned) - np.pi) < HALF_TURN_MARGIN_RAD)
+        alone = (
+            small
+            | near_half
+            | whole
+            | (np.abs(found.turned) >= LARGEST_PLAIN_SWEEP_RAD)
+            | (motions.kind[rows] != Kind.ARC)
+        )
         compensated = np.fromiter((row in motions.cutter_compensated for row in rows.tolist()), bool, len(rows))
         return found.take(np.flatnonzero(known & ~alone & ~compensated & ~np.isnan(shift)))
 
@@ -117,7 +123,7 @@ class PlainArcs(msgspec.Struct, frozen=True):
         before = _centres(nominal, start, wanted)
         programmed = np.abs(nominal.start - nominal.centre) - np.abs(nominal.end - nominal.centre)
         fault = np.abs(start - before) - np.abs(wanted - before) - programmed
-        alone = (np.abs(fault) - OUT_OF_ROUND / 2 > SAME) | (np.abs(start - end) < 2.0 * SAME)
+        alone = (np.abs(fault) - OUT_OF_ROUND / 2 > SAME_POINT_MM) | (np.abs(start - end) < 2.0 * SAME_POINT_MM)
         lines, number = (int(nominal.rows[alone][0]), int(alone.argmax())) if alone.any() else (len(ends), len(alone))
         found = cls(nominal, start, end, _centres(nominal, start, end))
         return found._first(number), lines
@@ -155,7 +161,7 @@ class PlainArcs(msgspec.Struct, frozen=True):
         apart = np.abs(np.subtract(*middles))
         alone = by_radius & (np.isnan(around) | (apart >= LARGEST_DEVIATION))
         alone |= np.abs(turned - self.nominal.turned) > 1.0
-        alone |= np.minimum(np.abs(self.start - centre), np.abs(self.end - centre)) < SAME
+        alone |= np.minimum(np.abs(self.start - centre), np.abs(self.end - centre)) < SAME_POINT_MM
         number = int(alone.argmax()) if alone.any() else len(alone)
         some = zip(self.lines[:number].tolist(), self.nominal.arcs, centre.tolist(), strict=False)
         found = {line: arc._replace(centre=(at.real, at.imag)) for line, arc, at in some}

@@ -19,7 +19,7 @@ from postproc.text.blocks import PlainRun
 from postproc.text.editing import Layout, end_of, rank_of
 from postproc.text.number_style import NumberStyle
 from postproc.text.plain_columns import POWERS, NumberMarks
-from postproc.text.plain_lines import LARGEST
+from postproc.text.plain_lines import LARGEST_PLAIN_NUMBER
 from postproc.text.source import ENCODING
 from postproc.write.decimals import Present, increments, rounded
 from postproc.write.plain_arcs import RADIUS, PlainArcs, WritableArcs
@@ -111,7 +111,7 @@ class PlainRows(msgspec.Struct, dict=True):
         """F words with these numbers `(lines,)`, and the first line whose number has to be written by itself."""
         column = len(self.run.lines.addresses)
         set_here = np.isfinite(feeds)
-        unusual = set_here & ((feeds < SMALLEST_FEED) | (feeds >= LARGEST))
+        unusual = set_here & ((feeds < SMALLEST_FEED) | (feeds >= LARGEST_PLAIN_NUMBER))
         named = self.run.with_feeds.end[column] > 0
         found = []
         for added in (False, True):

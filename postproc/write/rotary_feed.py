@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.transforms import Array
-from postproc.motion.circles import SAME
+from postproc.motion.circles import SAME_POINT_MM
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Paced
 from postproc.text.editing import WordEditor
 from postproc.text.number_style import NumberStyle, decimals_holding
 from postproc.write.added_blocks import AddedBlock, feed_index
 
-DIGITS = 6
+FEED_DIGITS = 6
 """Digits of F: the time is that of the program to a millionth."""
 RESTORED = "NCOMP FEED"
 """Comment of the line behind such a move."""
@@ -75,7 +75,7 @@ def _feed_of(motions: Motions, row: int, moved: float) -> float | None:
     rows = [row for row in same_block if motions.kind[row] != Kind.TAKE_UP and motions.paced.get(row) is paced]
     lengths = motions.path_lengths
     whole = float(lengths[rows].sum())
-    minutes = paced.minutes * lengths[row] / whole if whole > SAME else paced.minutes
+    minutes = paced.minutes * lengths[row] / whole if whole > SAME_POINT_MM else paced.minutes
     if paced.form == "combined":
         return None
     if paced.form == "inverse-time":
@@ -95,11 +95,11 @@ def feeds_of_moves(motions: Motions, first: int, starts: Array, ends: Array) -> 
         return found, decimals
     paced, lengths = [motions.paced[row] for row in rows.tolist()], motions.path_lengths[rows]
     times = np.array([each.minutes for each in paced])
-    divided = times * lengths / np.where(lengths > SAME, lengths, 1.0)  # as of `_feed_of`, to the last digit
-    minutes = np.where(lengths > SAME, divided, times)
+    divided = times * lengths / np.where(lengths > SAME_POINT_MM, lengths, 1.0)  # as of `_feed_of`, to the last digit
+    minutes = np.where(lengths > SAME_POINT_MM, divided, times)
     found[rows - first] = values = _feeds(motions, rows, paced, minutes, moved[rows - first])
     with np.errstate(divide="ignore"):
-        decimals[rows - first] = np.maximum(1, DIGITS - 1 - np.floor(np.log10(values)))
+        decimals[rows - first] = np.maximum(1, FEED_DIGITS - 1 - np.floor(np.log10(values)))
     for row, each in zip(rows.tolist(), paced, strict=True):
         if each.form == "programmed":
             decimals[row - first] = decimals_holding(each.feed)
@@ -112,14 +112,14 @@ def _feeds(motions: Motions, rows: np.ndarray, paced: Sequence[Paced], minutes: 
     form, feed = np.array([each.form for each in paced]), np.array([each.feed for each in paced])
     angle = np.linalg.norm((motions.target - motions.start)[rows][:, motions.machine.rotary], axis=1)
     path = moved / motions.unit[rows]
-    still = np.where([each.restored for each in paced], feed, np.maximum(angle, SAME) / minutes)
-    linear = np.where(moved > SAME, path / minutes, still)
+    still = np.where([each.restored for each in paced], feed, np.maximum(angle, SAME_POINT_MM) / minutes)
+    linear = np.where(moved > SAME_POINT_MM, path / minutes, still)
     timed, every, kept = form == "inverse-time", form == "all-axes", form == "programmed"
     return np.select([timed, every, kept], [1.0 / minutes, np.hypot(path, angle) / minutes, feed], linear)
 
 
 def _digits(value: float, numbers: NumberStyle, decimals: int | None = None) -> str:
-    """A positive number with DIGITS digits, or with these decimals."""
+    """A positive number with `FEED_DIGITS` digits, or with these decimals."""
     if decimals is None:
-        decimals = max(1, DIGITS - 1 - int(np.floor(np.log10(value))))
+        decimals = max(1, FEED_DIGITS - 1 - int(np.floor(np.log10(value))))
     return numbers.write(value, decimals).lstrip("+")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from kinematics.machine import TURN, Machine, NDArrayBool
+from kinematics.machine import TURN_DEG, Machine, NDArrayBool
 from postproc.compensation.correction import Correction
 from postproc.motion.cutter_compensation import check_turned
 from postproc.motion.motions import Motions
@@ -23,7 +23,7 @@ from postproc.write.decimals import decimals_of_axis
 from postproc.write.helices import axes_across, replaced_by_angle
 from postproc.write.polar import PolarWriter
 
-HALF_TURN = TURN / 2
+HALF_TURN_DEG = TURN_DEG / 2
 
 
 @dataclass
@@ -156,7 +156,7 @@ class RowWords:
     def _checked(self, axis: int, number: float) -> float:
         """The position that a number leads to, degrees; Refusal where this is not the corrected one."""
         reached = self.turning[axis].reached(number, self.start[axis])
-        if abs(reached - self.corrected[axis]) > HALF_TURN or (not number and math.copysign(1.0, number) < 0.0):
+        if abs(reached - self.corrected[axis]) > HALF_TURN_DEG or (not number and math.copysign(1.0, number) < 0.0):
             raise self.motions.blocks[self.motions.block[self.row]].refuse(
                 f"the corrected position of {self.machine.names[axis]} lies just before the present one, and the "
                 "control would turn it once round: program the shortest way, or leave the orientation uncorrected"

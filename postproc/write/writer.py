@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.correction import Correction
-from postproc.motion.circles import SAME
+from postproc.motion.circles import SAME_POINT_MM
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Kind, Known
@@ -180,7 +180,7 @@ class Writer:
         if self._straight and row in motions.arcs:
             return None
         names, columns, rotary = self.machine.names, self._by_letter, self._turned_by_vector
-        if self._converts and np.abs(np.subtract(held, motions.start[row])[rotary]).max(initial=0.0) > SAME:
+        if self._converts and np.abs(np.subtract(held, motions.start[row])[rotary]).max(initial=0.0) > SAME_POINT_MM:
             return None
         unit, rows = float(motions.unit[row]), slice(row, row + len(run))
         axes = [WrittenAxis(axis, names[axis], decimals_of_axis(self.machine, axis, unit), unit) for axis in columns]
@@ -383,7 +383,7 @@ class Writer:
         elif paced:
             write_feed(motions, row, added, moved)
         elif takes_up_in_time(motions, row):
-            added.feed_of(motions.paced[row + 1].feed / max(moved, SAME))
+            added.feed_of(motions.paced[row + 1].feed / max(moved, SAME_POINT_MM))
         elif not begun:
             added.feed += feed_words(added.beside)
         editor = self._editors.of(motions, block)

@@ -176,17 +176,17 @@ def limited(seconds: int) -> Iterator[None]:
     def late(*_: object) -> None:
         raise TimeoutError
 
-    before, longest = signal.signal(signal.SIGVTALRM, late), flow.LONGEST
+    before, longest = signal.signal(signal.SIGVTALRM, late), flow.MOST_RUN_BLOCKS
     memory, most = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, most))
-    flow.LONGEST = LONGEST_RUN
+    flow.MOST_RUN_BLOCKS = LONGEST_RUN
     signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         signal.signal(signal.SIGVTALRM, before)
-        flow.LONGEST = longest
+        flow.MOST_RUN_BLOCKS = longest
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
 
 

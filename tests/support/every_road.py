@@ -70,7 +70,7 @@ def outcome(
     job = Job(source, dialect, machine, model, make_setup(machine, zero=True), travel_check=False)
     out = io.BytesIO()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.correct.pipeline.LARGE", 0)
+        patch.setattr("postproc.correct.pipeline.SECOND_PROCESS_BYTES", 0)
         patch.setattr("postproc.evaluation.evaluation_process.ChildProcess", process)
         patch.setattr("postproc.read_ahead.ChildProcess", process)
         if pieces is not None:

@@ -159,7 +159,7 @@ def outcome(text, machine, model, *, plain=True, shortest=1, piece=1 << 20, dial
     setup = setup_of(machine)
     job = Job(source, read_as, machine, model, setup, **{**AT_MOST, "travel_check": False, **options})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.program_lines.SHORTEST", shortest)
+        patch.setattr("postproc.program_lines.SHORTEST_RUN_LINES", shortest)
         patch.setattr("postproc.text.source.PIECE", piece)
         try:
             report = Pipeline(job).run(out, lambda _: None)

@@ -21,7 +21,7 @@ from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
-LEAST = 10
+ROWS_OF_A_VOLUME = 10
 """Rows from which both calibrations are compared: fewer are no volume."""
 
 
@@ -31,7 +31,7 @@ def change_since(structure: Structure, found: Parameters) -> MachineChange | Non
     found: those of the geometry first, in its order.
     """
     observations, inside = structure.data.observations, ~structure.noise.left_out
-    if observations.given is None or np.count_nonzero(inside) < LEAST:
+    if observations.given is None or np.count_nonzero(inside) < ROWS_OF_A_VOLUME:
         return None
     measurement = observations.measurement
     difference = _difference(observations.given, found, len(structure.data.geometry.effects))

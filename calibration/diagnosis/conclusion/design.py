@@ -12,20 +12,20 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
-from calibration.diagnosis.conclusion.verdict import CLEAR
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
 from calibration.diagnosis.conclusion.visibility import typical_gains
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
-from kinematics.error_model.priors import SIZES
+from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
 PARALLEL = 1e-6
 """Share of the largest eigenvalue of the products of some columns, in single precision, below which it is rounding."""
-ROUNDING = 1e-9
+ROUNDING_OF_SIGNAL = 1e-9
 """Squares of a signal, in variances of the noise, below which it is rounding."""
-SAME = 6
+COSINE_DECIMALS = 6
 """Decimals of a cosine beyond which causes with equal signals differ by rounding only."""
 SAME_LOG_ODDS = 1e-4
 """Difference of log odds below which forms are shown equally well; their products have single precision."""
@@ -97,20 +97,20 @@ class _Table(NamedTuple):
             signal = max(float(np.trace(present.gram[np.ix_(columns, columns)])), np.finfo(float).tiny)
             whole = float(np.sum(self.candidates.structure.whitener.with_stated(term.columns) ** 2))
             log_odds = tried.together(self.names[own], number)
-            ties = {} if log_odds < CLEAR else dict(self._ties(tried, number, own, signal))
+            ties = {} if log_odds < CLEAR_LOG_ODDS else dict(self._ties(tried, number, own, signal))
             yield Designed(
                 term.kind,
                 own,
-                "not visible" if log_odds < CLEAR else "tied" if ties else "visible",
-                float(np.sqrt(signal / max(whole, signal, ROUNDING))),
+                "not visible" if log_odds < CLEAR_LOG_ODDS else "tied" if ties else "visible",
+                float(np.sqrt(signal / max(whole, signal, ROUNDING_OF_SIGNAL))),
                 log_odds,
-                tuple(sorted(ties.items(), key=lambda tie: (-round(tie[1], SAME), tie[0]))),
+                tuple(sorted(ties.items(), key=lambda tie: (-round(tie[1], COSINE_DECIMALS), tie[0]))),
                 term.effects[0].shown_by(self.candidates.structure.data.observations.measurement.state),
             )
 
     def _ties(self, tried: _Tried, number: int, own: str, signal: float) -> Iterator[tuple[str, float]]:
         """Names and cosines of the other causes that are expected to explain the signal of one about as well."""
-        least = tried.together(self.names[own], number) - CLEAR
+        least = tried.together(self.names[own], number) - CLEAR_LOG_ODDS
         for name, forms in self.names.items():
             if name != own and tried.together(forms, number) > least:
                 nearest = forms[int(np.argmax(tried.log_odds[list(forms), number]))]
@@ -123,7 +123,7 @@ class _Table(NamedTuple):
         for group in candidates.groups:
             squares = np.add.reduceat(group.across**2, starts[:-1], axis=1)
             values = np.broadcast_to(group.values[:, None, :], squares.shape)
-            log_odds[group.numbers] = log_gains_by_squares(values, squares + factor * values, SIZES, factor)
+            log_odds[group.numbers] = log_gains_by_squares(values, squares + factor * values, SIZES_IN_TYPICAL, factor)
             least = PARALLEL * group.values.max(axis=1)[:, None, None]
             seen = values > np.maximum(least, np.finfo(np.float32).tiny)
             explained[group.numbers] = np.sum(np.where(seen, squares, 0.0) / np.where(seen, values, 1.0), axis=2)

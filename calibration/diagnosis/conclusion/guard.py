@@ -17,7 +17,7 @@ from calibration.fit.cross_validation import Gains
 from calibration.gaussian_terms.structure import Structure
 from kinematics.transforms import Array
 
-BLOCKS = 8
+HELD_OUT_BLOCKS = 8
 """Number of held-out blocks: rows that follow each other, so that an error that changes slowly is not learned from the
 rows beside."""
 
@@ -60,9 +60,9 @@ def gains(structure: Structure, other: Array, own: Array) -> Gains:
     """Squares of the residuals `(N,)` of another prediction minus those of this one, of each block."""
     observations, labels = structure.data.observations, blocks_of(structure)
     inside = labels >= 0
-    noise = np.bincount(labels[inside], (other**2 - own**2)[inside], BLOCKS) / structure.noise.factor
+    noise = np.bincount(labels[inside], (other**2 - own**2)[inside], HELD_OUT_BLOCKS) / structure.noise.factor
     micro = [in_units(structure, each) * observations.measurement.per_micro for each in (other, own)]
-    um = np.bincount(labels[inside], (micro[0] ** 2 - micro[1] ** 2).ravel(), BLOCKS)
+    um = np.bincount(labels[inside], (micro[0] ** 2 - micro[1] ** 2).ravel(), HELD_OUT_BLOCKS)
     return Gains(np.asarray(um, float), np.asarray(noise, float))
 
 
@@ -71,7 +71,7 @@ def _predicted(structure: Structure, dropped: Sequence[np.ndarray]) -> list[Arra
     equations, sizes, start = structure.equations, structure.sizes, structure.data.geometry.width
     labels, design = blocks_of(structure), structure.whitened
     found = [equations.residual.copy() for _ in dropped]
-    for block in range(BLOCKS):
+    for block in range(HELD_OUT_BLOCKS):
         mine = labels == block
         own, seen = design[mine], equations.residual[mine]
         gram = (equations.gram - own.T @ own) * sizes[:, None] * sizes
@@ -92,7 +92,7 @@ def blocks_of(structure: Structure) -> np.ndarray:
     stop = observations.measurement.stops
     first = np.flatnonzero(np.append(True, np.diff(stop) != 0))
     starts = np.repeat(first, np.diff(np.append(first, len(stop))))
-    rows = np.repeat(starts * BLOCKS // len(stop), observations.components)
+    rows = np.repeat(starts * HELD_OUT_BLOCKS // len(stop), observations.components)
     return np.concatenate([rows, np.full(len(observations.stated), -1)])
 
 

@@ -25,15 +25,15 @@ from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.effects import Effect
-from kinematics.error_model.priors import SIZES
+from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
 UNDECIDED = -3.0
 """Log odds from which a term counts, with its probability: below 1 to 20 it changes no uncertainty."""
-RELATIVE = 0.4
+RELATIVE_SHAPE_PRIOR = 0.4
 """Prior standard deviation of a relative change of a time constant, lag, length or period: members of a family differ
 by a factor of about 2."""
-KEPT, COMPLETE = 12, 0.98
+MOST_STRUCTURES, COMPLETE_PROBABILITY = 12, 0.98
 """Most structures that are averaged, and their probability together from which the others do not count."""
 
 
@@ -113,9 +113,9 @@ def likely_structures(structure: Structure, judged: Sequence[Judged], places: Se
             for own, term, size in zip(lost, place.terms, place.sizes, strict=True)
             if all(term.family != other.family for other in before.terms)
         ]
-        chosen = sorted(longer, key=lambda one: one.lost)[:KEPT]
+        chosen = sorted(longer, key=lambda one: one.lost)[:MOST_STRUCTURES]
     weights = np.exp([-each.lost for each in chosen])
-    count = min(int(np.searchsorted(np.cumsum(weights) / weights.sum(), COMPLETE)) + 1, len(chosen))
+    count = min(int(np.searchsorted(np.cumsum(weights) / weights.sum(), COMPLETE_PROBABILITY)) + 1, len(chosen))
     shares = (weights[:count] / weights[:count].sum()).tolist()
     return [Likely(_with(structure, each), share) for each, share in zip(chosen, shares, strict=False)]
 
@@ -207,7 +207,7 @@ class Mixture:
         if not changes:
             return self
         added = Added.of(self.structure, np.stack(tables, axis=2))
-        spread, _ = added.posterior(RELATIVE)
+        spread, _ = added.posterior(RELATIVE_SHAPE_PRIOR)
         return replace(self._with_columns(added, np.zeros(len(changes)), spread), changes=tuple(changes))
 
     def _with_columns(self, added: Added, mean: Array, spread: Array) -> Mixture:
@@ -299,8 +299,8 @@ class Added(NamedTuple):
     @property
     def likeliest_size(self) -> float:
         """The likeliest prior size of their coefficients."""
-        gains = [log_gains(self.block[None], self.along[None], np.array([size]), 1.0)[0] for size in SIZES]
-        return float(SIZES[int(np.argmax(gains))])
+        gains = [log_gains(self.block[None], self.along[None], np.array([size]), 1.0)[0] for size in SIZES_IN_TYPICAL]
+        return float(SIZES_IN_TYPICAL[int(np.argmax(gains))])
 
     def posterior(self, size: float) -> tuple[Array, Array]:
         """Covariance `(c, c)` and mean `(c,)` of their coefficients, for a prior size."""

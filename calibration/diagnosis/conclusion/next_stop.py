@@ -17,7 +17,7 @@ from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
-POSITIONS = 200
+STOP_POSITIONS = 200
 """Positions over the range of an axis at which its stops are uncertain."""
 
 
@@ -46,8 +46,8 @@ def with_next_stop(model: ErrorModel, uncertain: Mapping[str, float]) -> ErrorMo
 
 def _of_stops(basis: Basis) -> Array:
     """Covariance `(p, p)` of coefficients that gives a mean variance of 1 over the range, without zero and scale."""
-    x = np.linspace(*basis.interval, POSITIONS)
+    x = np.linspace(*basis.interval, STOP_POSITIONS)
     columns, line = basis.columns(x), np.stack([np.ones_like(x), x - x.mean()], axis=1)
     fine = columns - line @ np.linalg.lstsq(line, columns)[0]
-    back = np.linalg.pinv(columns.T @ columns) * POSITIONS
-    return np.asarray(back @ (fine.T @ fine / POSITIONS) @ back / max(basis.size - line.shape[1], 1))
+    back = np.linalg.pinv(columns.T @ columns) * STOP_POSITIONS
+    return np.asarray(back @ (fine.T @ fine / STOP_POSITIONS) @ back / max(basis.size - line.shape[1], 1))

@@ -26,7 +26,7 @@ from calibration.diagnosis.conclusion.mixture import (
     likely_structures,
 )
 from calibration.diagnosis.conclusion.next_stop import of_next_stop, with_next_stop
-from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, judged
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged, judged
 from calibration.diagnosis.conclusion.visibility import Expected, expected, shortest_periods, unseen_motions
 from calibration.diagnosis.conclusion.volume import Volume, volume
 from calibration.diagnosis.conclusion.worse_than_none import AsGiven, as_given
@@ -50,7 +50,7 @@ from kinematics.files.number_text import rounded
 from kinematics.transforms import Array
 from rendering.shown import Shown
 
-POINT = 3
+POINT_COMPONENTS = 3
 """Components of an observed point."""
 FINE = "fine"
 """Kind of terms that are the fine structure of an error motion: no cause, and nothing unexplained."""
@@ -192,7 +192,7 @@ class Diagnosis(Accepted, Shown):
         for axis, size in structure.noise.repeats.items():
             others = {name: own for name, own in structure.noise.repeats.items() if name != axis}
             without = replace(structure, noise=replace(structure.noise, repeats=others))
-            if structure.total - without.total > CLEAR:
+            if structure.total - without.total > CLEAR_LOG_ODDS:
                 found[axis] = size
         return found
 
@@ -352,7 +352,7 @@ class Diagnosis(Accepted, Shown):
         rows = np.array(self.outliers, int)
         nameless = any(not (each.term.named or each.term.kind == FINE) for each in self.judged)
         odds = float(log_odds(self.structure)[rows].sum()) if len(rows) else 0.0
-        if nameless or odds < CLEAR or self.measurement.instrument.components != POINT:
+        if nameless or odds < CLEAR_LOG_ODDS or self.measurement.instrument.components != POINT_COMPONENTS:
             return []
         shift, covariance = shifts(self.structure, rows)
         u = 1e3 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)).ravel()

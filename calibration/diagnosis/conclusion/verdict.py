@@ -15,16 +15,16 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.candidates import COARSE, REFINED, Candidates, by_family
-from calibration.diagnosis.search import DOUBTFUL
+from calibration.diagnosis.candidates import COARSE_SHARE_OF_ODDS, REFINED, Candidates, by_family
+from calibration.diagnosis.search import LEAST_RETRIED_LOG_ODDS
 from calibration.diagnosis.waves import waves
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 
-CLEAR = 5.0
+CLEAR_LOG_ODDS = 5.0
 """Log odds from which something is clear: 150 to 1, strong evidence by the scale of Kass and Raftery."""
-SURE = 100.0
+LASTING_LOG_ODDS = 100.0
 """Log odds that stay clear when sizes and noise are found again: these take up to nine tenths of them."""
 RESOLVED = 1.0
 """Least difference of two waves, periods over the travel, that positions all over it resolve (Rayleigh)."""
@@ -83,7 +83,7 @@ class Judged:
             return "open period"
         if self.alternatives:
             return "tied"
-        return "strong" if self.log_odds >= CLEAR else "weak"
+        return "strong" if self.log_odds >= CLEAR_LOG_ODDS else "weak"
 
 
 def judged(candidates: Candidates) -> list[Judged]:
@@ -100,7 +100,7 @@ def _judged(candidates: Candidates, number: int) -> Judged:
         # the members of its family may be likelier together than the one that was chosen
         own = max(own, place.of_members(term.family)[1])
     rivals = [*_of_other_families(place, term, own), *_waves(place, term, own)]
-    against_none = own if own > SURE else min(own, _fitted_again(candidates.structure, number))
+    against_none = own if own > LASTING_LOG_ODDS else min(own, _fitted_again(candidates.structure, number))
     return Judged(number, term, against_none, _close(rivals), _close(_forms(place, term, alone)))
 
 
@@ -112,7 +112,7 @@ def _fitted_again(structure: Structure, number: int) -> float:
 
 def _close(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
     """The rivals from which the data do not tell a term clearly, the likeliest first."""
-    return tuple(sorted((each for each in rivals if each.log_odds < CLEAR), key=lambda each: each.log_odds))
+    return tuple(sorted((each for each in rivals if each.log_odds < CLEAR_LOG_ODDS), key=lambda each: each.log_odds))
 
 
 def _forms(place: _Place, term: Term, own: float) -> Iterator[Rival]:
@@ -139,7 +139,7 @@ def _of_other_families(place: _Place, term: Term, own: float) -> Iterator[Rival]
         if family == term.family:
             continue
         found = list(place.at_moment(family, moment))
-        if place.near(own, together - DOUBTFUL):
+        if place.near(own, together - LEAST_RETRIED_LOG_ODDS):
             found.append(place.of_members(family))
         if found:
             likeliest, odds = max(found, key=lambda each: each[1])
@@ -169,7 +169,7 @@ class _Place(NamedTuple):
 
     def found_again(self, rival: Term, log_odds: float) -> float:
         """Log odds against a rival; where these are doubtful, with sizes found again beside it."""
-        if not (rival.named and CLEAR <= log_odds < CLEAR - DOUBTFUL):
+        if not (rival.named and CLEAR_LOG_ODDS <= log_odds < CLEAR_LOG_ODDS - LEAST_RETRIED_LOG_ODDS):
             return log_odds
         structure = self.candidates.structure
         terms = [rival if i == self.number else term for i, term in enumerate(structure.terms)]
@@ -177,7 +177,7 @@ class _Place(NamedTuple):
 
     def near(self, own: float, odds: float) -> bool:
         """True where a term with such log odds, once it is refined, may be a rival of one with its own log odds."""
-        return own - odds < CLEAR + COARSE * abs(own)
+        return own - odds < CLEAR_LOG_ODDS + COARSE_SHARE_OF_ODDS * abs(own)
 
     def of_members(self, family: Hashable) -> tuple[Term, float]:
         """The likeliest member of a family, refined, and the log odds of the family."""
@@ -212,7 +212,7 @@ def _waves(place: _Place, term: Term, own: float) -> Iterator[Rival]:
     known = {term.family: [period]}
     for i in np.argsort(-odds).tolist():
         other, found = proposed[i], period_of(proposed[i])
-        if own - odds[i] >= CLEAR or found is None or other.where is None:
+        if own - odds[i] >= CLEAR_LOG_ODDS or found is None or other.where is None:
             continue
         low, high = moving[other.where]
         others = known.setdefault(other.family, [])

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
-from calibration.diagnosis.conclusion.verdict import CLEAR
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
 from calibration.diagnosis.waves import shortest_period
 from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.posterior import Posterior
@@ -18,7 +18,7 @@ from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
-SEEN = 0.5
+VISIBLE_SHARE = 0.5
 """Share of a coefficient that the data determine, the prior the rest, below which they do not show it."""
 ENCODER_MM = 0.02
 """Signal period of a linear encoder: glass scales have 4 to 40 um."""
@@ -45,7 +45,7 @@ class Expected(NamedTuple):
     @property
     def visible(self) -> bool:
         """True where a cause of typical size is expected to be clear."""
-        return self.log_odds >= CLEAR
+        return self.log_odds >= CLEAR_LOG_ODDS
 
 
 def expected(candidates: Candidates) -> list[Expected]:
@@ -91,7 +91,7 @@ def _smallest(term: Term, ratios: Array, prior: float) -> Smallest | None:
         return None
     table = term.effects[0].parameter_table
     quantity = next(each for each in table if each.linear)
-    needed = 2.0 * (CLEAR - prior) + float(np.log1p(ratios[0]))
+    needed = 2.0 * (CLEAR_LOG_ODDS - prior) + float(np.log1p(ratios[0]))
     size = abs(float(term.parameters[0, 0])) * float(np.sqrt(max(needed, 0.0) / ratios[0]))
     return Smallest(term.effects[0].name, size, quantity.unit)
 
@@ -112,7 +112,7 @@ def unseen_motions(structure: Structure) -> Iterator[str]:
     seen = (squares @ known) / np.maximum(squares.sum(axis=1), np.finfo(float).tiny)
     ends = np.cumsum([0, *(len(effect.parameters) for effect in geometry.effects)])
     for effect, low, high in list(zip(geometry.effects, ends, ends[1:], strict=False))[known_before:]:
-        if effect.OF_ISO_230 and seen[low:high].max() < SEEN:
+        if effect.OF_ISO_230 and seen[low:high].max() < VISIBLE_SHARE:
             yield effect.name
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.evaluation.volumetric import volumetric_error_um
-from calibration.fit.prediction import ARM, measures_angles
+from calibration.fit.prediction import LEVER_ARM_MM, measures_angles
 from calibration.measurement.measurement import Measurement
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import ErrorModel
@@ -30,7 +30,7 @@ def volume(measurement: Measurement, new: ErrorModel, present: ErrorModel) -> Vo
     """Deviations over the measured states, by the machine's part of both models, after rigid alignment."""
     machine, state = measurement.machine, measurement.state
     q = state.positions
-    tool = np.full((len(q), 3), ARM) if measures_angles(measurement) else measurement.tool
+    tool = np.full((len(q), 3), LEVER_ARM_MM) if measures_angles(measurement) else measurement.tool
 
     def deviation(model: ErrorModel) -> Array:
         own = model.part(lambda effect: effect.ACTS_ON != "instrument")

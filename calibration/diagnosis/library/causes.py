@@ -81,9 +81,9 @@ WARMER = 0.2
 """Range of a temperature, K, above which candidates depend on it."""
 CURVED = 2.0
 """Range of a temperature, K, above which a growth may be curved."""
-TURNED = 0.1
+SIDES_DIFFER_RAD = 0.1
 """Least change of a direction, rad, by which the sides of tool and workpiece differ."""
-HARMONICS = (1, 2)
+CAUSE_HARMONICS = (1, 2)
 OWN_DEGREE, OTHER_DEGREE = 1, 2
 """Degrees of error motions that depend on another axis."""
 REVERSAL_DEGREE = 2
@@ -257,7 +257,7 @@ def _turning(measurement: Measurement) -> list[Direction]:
     if measurement.axis is not None or (measurement.stands_on == "bed" and not on_table):
         return []
     turned = np.ptp(forward(measurement.machine, measurement.state.positions).rotation, axis=0)
-    return [letter for letter, row in zip(get_args(Direction), turned, strict=True) if row.max() > TURNED]
+    return [letter for letter, row in zip(get_args(Direction), turned, strict=True) if row.max() > SIDES_DIFFER_RAD]
 
 
 def _warming(state: State, least: float) -> list[str]:
@@ -329,7 +329,7 @@ def _of_ranges(measurement: Measurement) -> Iterator[Effect]:
         yield RangeOffset(offset_um=0.0)
     yield AirScale(scale_um_per_m=0.0)
     for circle in CIRCLES if own.BY_BEAM else ():
-        for harmonic in HARMONICS:
+        for harmonic in CAUSE_HARMONICS:
             yield AngleHarmonic(circle=circle, harmonic=harmonic, sine_urad=0.0, cosine_urad=0.0)
     yield TrackerDrift()
     if given(measurement.state, "time"):

@@ -10,14 +10,14 @@ import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
-from calibration.diagnosis.conclusion.verdict import CLEAR, Judged
-from calibration.diagnosis.next.questions import ENOUGH, Known, Question, questions
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged
+from calibration.diagnosis.next.questions import ENOUGH_LOG_ODDS, Known, Question, questions
 from calibration.diagnosis.next.stacked_rows import StackedRows
 from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
 from calibration.gaussian_terms.structure import Structure
 
-MOST = 6
+LARGEST_POWER_OF_ODDS = 6
 """Largest power of ten of the odds that a text gives."""
 CHECK = "Correct a program with the new calibration, and measure the same positions again."
 """Measurement where the data leave nothing open."""
@@ -69,8 +69,11 @@ def proposed(
     for design in follow_up_designs(structure.data.observations.measurement, registration):
         after = Known(rows.products(design), structure)
         odds = {question: question.answer(now, after) for question in asked}
-        clear = {question: own for question, own in odds.items() if own > max(CLEAR, before[question])}
-        gain = sum(max(min(own, ENOUGH) - min(before[question], ENOUGH), 0.0) for question, own in odds.items())
+        clear = {question: own for question, own in odds.items() if own > max(CLEAR_LOG_ODDS, before[question])}
+        gain = sum(
+            max(min(own, ENOUGH_LOG_ODDS) - min(before[question], ENOUGH_LOG_ODDS), 0.0)
+            for question, own in odds.items()
+        )
         if clear:
             found.append(_proposed(design, gain, clear))
         answered |= set(clear)
@@ -120,8 +123,8 @@ def _does(question: Question, others: str) -> str:
 def _odds(odds: float) -> str:
     """Expected odds, as text."""
     power = odds / math.log(10.0)
-    if power > MOST:
-        return f"odds above {10**MOST:,} to 1 expected"
+    if power > LARGEST_POWER_OF_ODDS:
+        return f"odds above {10**LARGEST_POWER_OF_ODDS:,} to 1 expected"
     digit = 10 ** math.floor(power)
     return f"odds {digit * math.floor(math.exp(odds) / digit):,} to 1 expected"
 

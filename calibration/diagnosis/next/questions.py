@@ -15,15 +15,15 @@ from scipy import linalg
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
-from calibration.diagnosis.conclusion.verdict import CLEAR, Judged, Rival, sensors_of
+from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged, Rival, sensors_of
 from calibration.gaussian_terms.gains import expected_gain
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 
-SURE = 2.33
+SIGMA_OF_99 = 2.33
 """Standard deviations of a normal distribution for a probability of 99 %."""
-ENOUGH = (SURE / 2.0**0.5 + (SURE**2 / 2.0 + CLEAR) ** 0.5) ** 2
+ENOUGH_LOG_ODDS = (SIGMA_OF_99 / 2.0**0.5 + (SIGMA_OF_99**2 / 2.0 + CLEAR_LOG_ODDS) ** 0.5) ** 2
 """Expected log odds L that are clear with this probability, since they have a variance of 2 L; more do not count."""
 Kind = Literal["function", "tie", "period", "weak"]
 
@@ -155,7 +155,7 @@ class _Place(NamedTuple):
             family = [each for each in family if sensors_of(each) == sensors]
         members = [*family, *([] if rival.term.finer is None else rival.term.finer())]
         odds = self.candidates.own(self.judged.number) - self.candidates.exact(members, {self.judged.number})
-        yield from ((term, own) for term, own in zip(members, odds.tolist(), strict=True) if own < ENOUGH)
+        yield from ((term, own) for term, own in zip(members, odds.tolist(), strict=True) if own < ENOUGH_LOG_ODDS)
 
 
 def _of_term(place: _Place, rivals: list[Term]) -> Iterator[Question]:
@@ -177,7 +177,7 @@ def _of_term(place: _Place, rivals: list[Term]) -> Iterator[Question]:
     for rival in each.alternatives:
         others = tuple(against(place.near(rival)))
         yield Question("tie", name, one, others, without, 0.0, _name(rival.term), each.term, rival.term)
-    if each.log_odds < CLEAR:
+    if each.log_odds < CLEAR_LOG_ODDS:
         yield Question("weak", name, one, (), without, each.log_odds, term=each.term)
 
 

@@ -27,8 +27,8 @@ from calibration.evaluation.common_frame import Sampled, common_frame
 from calibration.evaluation.comparison.figures import location_figure, reversal_figures, squareness_figures
 from calibration.evaluation.comparison.result import Comparison, Motion, Straightness, Volume
 from calibration.evaluation.comparison.sides import (
-    COVERAGE,
-    LEAST,
+    COVERAGE_FACTOR,
+    ZERO_ERROR_UM,
     Curve,
     Side,
     common_range,
@@ -49,7 +49,7 @@ from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 
-POINTS = 1000
+VOLUME_POSITIONS = 1000
 """Number of positions in the common volume, random with a fixed seed."""
 CONFIDENCE = 0.95
 """Probability with which two calibrations that agree show no significant difference of an error motion."""
@@ -153,7 +153,7 @@ def _motion(machine: Machine, sides: Sequence[Side], track: Sampled, pair: Seque
     axis, key = machine.axes[track.axis], (track.axis, track.component)
     values = [rule.matrix @ curve.values for curve in pair]
     covariances = [side.covariance(rule.matrix @ curve.design) for side, curve in zip(sides, pair, strict=True)]
-    U = [COVERAGE * np.sqrt(np.maximum(np.diag(covariance), 0.0)) for covariance in covariances]
+    U = [COVERAGE_FACTOR * np.sqrt(np.maximum(np.diag(covariance), 0.0)) for covariance in covariances]
     significant = _significant(values[1] - values[0], covariances[0] + covariances[1])
     known = (key in sides[0].intervals, key in sides[1].intervals)
     unit = unit_of(COMPONENTS[track.component])[0]
@@ -180,7 +180,7 @@ def _significant(difference: Array, covariance: Array) -> bool:
     (participation ratio): one position gives k = 1.96, a polynomial of five terms about 2.5.
     """
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    size, known = np.maximum(np.abs(difference) - LEAST, 0.0), u > LEAST
+    size, known = np.maximum(np.abs(difference) - ZERO_ERROR_UM, 0.0), u > ZERO_ERROR_UM
     if np.any(size[~known] > 0.0) or not known.any():
         return bool(np.any(size > 0.0))
     correlation = covariance[np.ix_(known, known)] / np.outer(u[known], u[known])
@@ -199,7 +199,7 @@ def _volume(machine: Machine, sides: Sequence[Side], tool_mm: float) -> Volume:
         if ends[0] < ends[1]:
             low[i], high[i] = ends
             bounds[axis.name] = ends
-    q = np.random.default_rng(0).uniform(low, high, (POINTS, len(machine.axes))) * machine.scale
+    q = np.random.default_rng(0).uniform(low, high, (VOLUME_POSITIONS, len(machine.axes))) * machine.scale
     tool = (0.0, 0.0, -tool_mm)
     state = State(q, approach=np.zeros(q.shape))
     deviations = [exact_deviation(machine, q, side.model.errors(machine, state), tool).position for side in sides]

@@ -7,7 +7,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from calibration.evaluation.comparison.result import Figure, Straightness
-from calibration.evaluation.comparison.sides import LEAST, POSITIONS, Curve, Side, along, common_range, positions_over
+from calibration.evaluation.comparison.sides import (
+    SIDE_POSITIONS,
+    ZERO_ERROR_UM,
+    Curve,
+    Side,
+    along,
+    common_range,
+    positions_over,
+)
 from calibration.single_axis.reference_lines import reference_line
 from kinematics.basis import Interval
 from kinematics.effects import COMPONENTS
@@ -78,15 +86,15 @@ def _lean(side: Side, i: int, ends: Interval | None, straightness: Straightness)
     machine = side.machine
     axis, direction = machine.axes[i], _direction(machine, i)
     low, high = ends if ends is not None and ends[0] < ends[1] else (axis.home, axis.home + 1.0)
-    x = np.linspace(low, high, POSITIONS)
-    here, home = along(machine, i, x, 0.0), along(machine, i, np.full(POSITIONS, axis.home), 0.0)
+    x = np.linspace(low, high, SIDE_POSITIONS)
+    here, home = along(machine, i, x, 0.0), along(machine, i, np.full(SIDE_POSITIONS, axis.home), 0.0)
     across = np.eye(3) - np.outer(direction, direction)
-    slope = own_motion(machine, axis.name)[2] * reference_line(straightness, x, np.zeros(POSITIONS)).slope_of
+    slope = own_motion(machine, axis.name)[2] * reference_line(straightness, x, np.zeros(SIDE_POSITIONS)).slope_of
     transform = across @ error_transform_with_tool(machine, here.positions)[:, :3]
     own = np.zeros(transform.shape[2])
     own[6 * i + 3 : 6 * i + 6] = 1.0
     parts = ((here, transform * (1.0 - own)), (home, transform * own))
-    errors = [side.model.errors(machine, state).reshape(POSITIONS, 1, -1) for state, _ in parts]
+    errors = [side.model.errors(machine, state).reshape(SIDE_POSITIONS, 1, -1) for state, _ in parts]
     values = [np.sum(part * each, axis=2) for (_, part), each in zip(parts, errors, strict=True)]
     designs = [side.model.design(machine, state, part) for state, part in parts]
     return Curve(slope @ (values[0] + values[1]), np.tensordot(slope, designs[0] + designs[1], axes=1))
@@ -105,7 +113,7 @@ def reversal_figures(machine: Machine, sides: Sequence[Side]) -> Iterator[Figure
             ahead, behind = side.curve(i, k, x, 1.0), side.curve(i, k, x, -1.0)
             value = forward * float(np.mean(ahead.values - behind.values))
             found.append((value, side.U((ahead.design - behind.design).mean(axis=0))))
-        if any(abs(value) > LEAST for value, _ in found):
+        if any(abs(value) > ZERO_ERROR_UM for value, _ in found):
             unit = unit_of(COMPONENTS[k])[0]
             title = "mean reversal, forward minus backward"
             yield Figure(f"B {axis.name}", title, unit, found[0][0], found[1][0], found[0][1], found[1][1])

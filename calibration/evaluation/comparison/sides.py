@@ -16,13 +16,13 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-POSITIONS = 121
+SIDE_POSITIONS = 121
 """Number of positions along an axis."""
-TURN = 360.0
+COMPARED_TURN_DEG = 360.0
 """Largest compared range of a rotary axis, degrees: one turn."""
-COVERAGE = 2.0
+COVERAGE_FACTOR = 2.0
 """Coverage factor k of the expanded uncertainty U."""
-LEAST = 1e-9
+ZERO_ERROR_UM = 1e-9
 """Smallest error, um or urad; smaller ones count as zero."""
 
 
@@ -60,7 +60,7 @@ class Side:
 
     def U(self, design: Array) -> float:
         """Expanded uncertainty of one quantity with these derivatives `(p,)`."""
-        return float(COVERAGE * np.sqrt(np.maximum(self.covariance(design[None])[0, 0], 0.0)))
+        return float(COVERAGE_FACTOR * np.sqrt(np.maximum(self.covariance(design[None])[0, 0], 0.0)))
 
 
 def reason_left_out(effect: Effect) -> str:
@@ -105,16 +105,16 @@ def common_range(sides: Sequence[Side], i: int, k: int) -> Interval | None:
         return None
     low, high = max(ends[0] for ends in known), min(ends[1] for ends in known)
     axis = sides[0].machine.axes[i]
-    if axis.rotary and high - low > TURN:
-        low = min(max(low, axis.home - TURN / 2.0), high - TURN)
-        high = low + TURN
+    if axis.rotary and high - low > COMPARED_TURN_DEG:
+        low = min(max(low, axis.home - COMPARED_TURN_DEG / 2.0), high - COMPARED_TURN_DEG)
+        high = low + COMPARED_TURN_DEG
     return low, high
 
 
 def positions_over(machine: Machine, i: int, ends: Interval) -> Array:
     """Positions `(n,)` over a range, mm or degrees; for a whole turn without the repeated end."""
-    whole = machine.axes[i].rotary and ends[1] - ends[0] >= TURN
-    return np.linspace(*ends, POSITIONS, endpoint=not whole)
+    whole = machine.axes[i].rotary and ends[1] - ends[0] >= COMPARED_TURN_DEG
+    return np.linspace(*ends, SIDE_POSITIONS, endpoint=not whole)
 
 
 def reference_of(machine: Machine, i: int, ends: Interval, references: Mapping[str, float]) -> float:

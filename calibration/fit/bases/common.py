@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics
-from kinematics.machine import TURN
+from kinematics.machine import TURN_DEG
 
 
 def common_basis(bases: Sequence[Basis], *, turning: bool) -> Basis:
@@ -19,7 +19,7 @@ def common_basis(bases: Sequence[Basis], *, turning: bool) -> Basis:
         return finest
     own_low, own_high = finest.interval
     if turning:
-        return Harmonics((low, low + TURN), max(finest.size // 2, 1))
+        return Harmonics((low, low + TURN_DEG), max(finest.size // 2, 1))
     if isinstance(finest, BSpline):
         spacing = (own_high - own_low) / (len(finest.nodes) - 1)
         beyond = own_low - low, high - own_high

@@ -37,9 +37,9 @@ PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
 SMALLER = (0.1, 0.2, 0.3, 0.5)
 """Sizes of error motions, as multiples of the typical ones, that are tried for data on a few lines."""
 PRIOR, ROTARY_PRIOR = "prior", "prior of rotary axes"
-START = 1
+FIRST_SIZE_INDEX = 1
 """Index of the size at which the search begins: coarse, because the search ends at the first local maximum."""
-FINEST = 48
+MOST_LINEAR_PARAMETERS = 48
 """Largest number of parameters of a linear axis."""
 AT_TARGETS = 2
 """Largest number of nodes at repeated targets, as a multiple of the finest basis."""
@@ -119,7 +119,7 @@ class Search:
         kinds: Sequence[str],
         rotary_kind: str | None,
         prior_scale: float | None,
-        finest: int = FINEST,
+        finest: int = MOST_LINEAR_PARAMETERS,
         finest_turn: float = np.inf,
     ) -> Search:
         """The search for a measurement: no axis gets more parameters than it has positions in the data.
@@ -153,7 +153,7 @@ class Search:
         bases |= {axis: BasisChoice(TARGETS, number) for axis, number in self.targets.items()}
         start = Choice(bases, self.prior_scale or 1.0, 1.0 if self.apart else None)
         for axis in self.most:
-            start = start.variants(axis, self.most)[: START + 1][-1]
+            start = start.variants(axis, self.most)[: FIRST_SIZE_INDEX + 1][-1]
         return start
 
 

@@ -14,7 +14,16 @@ import msgspec
 import numpy as np
 
 from calibration.cores import each
-from calibration.fit.bases.search import FINEST, ROTARY_KIND, SIZES, Choice, Search, Unexplained, chosen, scale_of
+from calibration.fit.bases.search import (
+    MOST_LINEAR_PARAMETERS,
+    ROTARY_KIND,
+    SIZES,
+    Choice,
+    Search,
+    Unexplained,
+    chosen,
+    scale_of,
+)
 from calibration.fit.fit import DOUBTFUL_P, Fit, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
@@ -35,11 +44,11 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array, read_only
 
-FINE = 24
+MOST_FIRST_NODES = 24
 """Largest number of nodes of an axis in the first fit."""
-ROWS = 5000
+MOST_EVIDENCE_ROWS = 5000
 """Largest number of rows, evenly spread, in the evidence."""
-COARSE, COARSE_TURN = 3, 5
+COARSE_PARAMETERS, COARSE_TURN_PARAMETERS = 3, 5
 """Largest numbers of parameters of linear and rotary axes in the coarse fit."""
 REGISTRATION: Part = ("", "registration")
 OTHER_EFFECTS: Part = ("", "besides")
@@ -52,7 +61,7 @@ def choose(
     rotary_kind: str | None = None,
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
-    finest: int = FINEST,
+    finest: int = MOST_LINEAR_PARAMETERS,
     unexplained: Unexplained | None = None,
     progress: Progress = silent,
 ) -> Choice:
@@ -65,7 +74,9 @@ def choose(
     if measurement.instrument.OBSERVES == "offset":
         measurement = measurement.rows(np.flatnonzero(coarse_fit(measurement, effects).kept))
     search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest)
-    fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
+    fine = {
+        axis: BasisChoice("b-spline", max(2, min(MOST_FIRST_NODES, number))) for axis, number in search.most.items()
+    }
     # few readings do not show the size of their noise
     variance: Variance = "sheet" if measurement.instrument.MAY_BE_FEW else "estimate"
     evidence = LinearEvidence(fitted(measurement, Choice(fine, 1.0), effects, variance, typical=True), effects)
@@ -79,7 +90,7 @@ def coarse_fit(measurement: Measurement, effects: Sequence[Effect] = ()) -> Fit:
 
 def coarse_choice(measurement: Measurement, effects: Sequence[Effect] = (), prior_scale: float | None = None) -> Choice:
     """The choice among coarse bases: parabolas of linear axes and two harmonics of rotary axes at most."""
-    search = Search.of(measurement, ("legendre",), ROTARY_KIND, prior_scale, COARSE, COARSE_TURN)
+    search = Search.of(measurement, ("legendre",), ROTARY_KIND, prior_scale, COARSE_PARAMETERS, COARSE_TURN_PARAMETERS)
     evidence = LinearEvidence(fitted(measurement, search.start("legendre"), effects), effects)
     return chosen(search, 1, lambda choices, _: evidence.of_all(choices))[0]
 
@@ -112,7 +123,7 @@ def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
     """
     bases = dict(choice.bases)
     for axis, basis in choice.bases.items():
-        most = min(measurement.distinct_positions[axis], FINEST if axis[0] not in "ABC" else np.inf)
+        most = min(measurement.distinct_positions[axis], MOST_LINEAR_PARAMETERS if axis[0] not in "ABC" else np.inf)
         sizes = [size for size in SIZES[basis.kind] if size > basis.size]
         few = [BasisChoice(basis.kind, s) for s in sizes if BasisChoice(basis.kind, s).over((0.0, 1.0)).size <= most]
         bases[axis] = few[:margin][-1] if few[:margin] else basis
@@ -128,7 +139,7 @@ class LinearEvidence:
 
     def __init__(self, first: Fit, effects: Sequence[Effect]) -> None:
         rows = np.flatnonzero(first.kept)
-        some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
+        some = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_EVIDENCE_ROWS)).astype(int)]
         self._measurement, self._registration = first.measurement.rows(some), first.registration
         self._factor = first.variance_factor if first.p_value < DOUBTFUL_P else 1.0
         self._effects = tuple(effects)

@@ -31,7 +31,7 @@ from calibration.fit.curves.smooth_process import TYPICAL_SIZE, Processes
 from calibration.fit.curves.spline_of_process import cubic, following, root_of
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
-from calibration.fit.problem import UNSEEN
+from calibration.fit.problem import UNSEEN_EIGENVALUE
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import ROTARY, least_priors
 from calibration.observation.normal_equations import assemble, decorrelation_of, whitened
@@ -41,11 +41,11 @@ from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
-FEW = 24
+FEW_POSITIONS = 24
 """Most positions of an axis that count as few; among more, values at equidistant ones are found."""
-LEAST, MOST = 13, FEW + 1
+FEWEST_EQUIDISTANT, MOST_EQUIDISTANT = 13, FEW_POSITIONS + 1
 """Numbers of equidistant positions, at least and at most."""
-TOGETHER = 1e-3
+ONE_POSITION_SHARE = 1e-3
 """Distance, as a share of the measured range, up to which positions are one."""
 CURVE_SHARE = 0.2
 """Size of a process that is expected for spheres, as a share of the prior of its error motion (Type B)."""
@@ -53,7 +53,7 @@ SWEEPS = 2
 """Most times that the processes of all axes are found, one after the other."""
 NOTICED = 0.1
 """Least U, um or urad, that a report contains."""
-UNLIMITED = 1e4
+UNLIMITED_SIZE = 1e4
 """Standard deviation of a parameter without a prior, in its units."""
 
 
@@ -95,7 +95,7 @@ def with_curves_between(found: Fit) -> tuple[Fit, tuple[BetweenPositions, ...]]:
     """
     splines = _splines(found)
     measured = {axis: _positions(found.measurement, axis, found.kept) for axis in splines}
-    few = [axis for axis, x in measured.items() if 2 <= len(x) <= FEW]
+    few = [axis for axis, x in measured.items() if 2 <= len(x) <= FEW_POSITIONS]
     axes = {axis: measured[axis] for axis in few}
     if diagonals(found.measurement) is None:
         axes |= {axis: _among_many(measured[axis], splines[axis]) for axis in splines if axis not in few}
@@ -132,9 +132,9 @@ def _splines(found: Fit) -> dict[str, list[BSpline]]:
 def _among_many(x: Array, splines: list[BSpline]) -> Array:
     """Equidistant positions among measured ones `(k,)`, twice as many as parameters; none where these are too many."""
     size = max(basis.size for basis in splines)
-    if len(x) <= FEW or size > FEW:
+    if len(x) <= FEW_POSITIONS or size > FEW_POSITIONS:
         return x[:0]
-    return np.linspace(x[0], x[-1], min(max(2 * size + 1, LEAST), MOST))
+    return np.linspace(x[0], x[-1], min(max(2 * size + 1, FEWEST_EQUIDISTANT), MOST_EQUIDISTANT))
 
 
 def _positions(measurement: Measurement, axis: str, rows: np.ndarray) -> Array:
@@ -144,7 +144,7 @@ def _positions(measurement: Measurement, axis: str, rows: np.ndarray) -> Array:
     x = np.unique(measurement.state.position(measurement.machine, axis)[rows])
     if len(x) < 2:
         return x
-    group = np.concatenate([[0], np.cumsum(np.diff(x) > TOGETHER * (x[-1] - x[0]))])
+    group = np.concatenate([[0], np.cumsum(np.diff(x) > ONE_POSITION_SHARE * (x[-1] - x[0]))])
     return np.asarray(np.bincount(group, x) / np.bincount(group))
 
 
@@ -172,7 +172,7 @@ class _Values:
         effects: list[Effect] = []
         priors: list[Array] = []
         for effect, part in zip(found.model.effects, found.model.slices, strict=True):
-            own = np.where(np.isfinite(found.prior[part]), found.prior[part], UNLIMITED)
+            own = np.where(np.isfinite(found.prior[part]), found.prior[part], UNLIMITED_SIZE)
             if motion := _motion_of(effect, axes):
                 x = axes[motion.axis]
                 values = motion.basis.columns(x) @ np.array(motion.parameters)
@@ -330,7 +330,7 @@ def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
     size = len(registration.names)
     own = normal.matrix[:size, :size]
     scale = 1.0 / np.sqrt(np.where(np.diag(own) > 0, np.diag(own), 1.0))
-    half = scale[:, None] * pseudo_inverse(own * np.outer(scale, scale), UNSEEN, 1.0).root
+    half = scale[:, None] * pseudo_inverse(own * np.outer(scale, scale), UNSEEN_EIGENVALUE, 1.0).root
     eliminated = normal.matrix[size:, :size] @ half
     information = normal.matrix[size:, size:] - eliminated @ eliminated.T
     return (information + information.T) / 2.0, normal.right[size:] - eliminated @ (half.T @ normal.right[:size])

@@ -17,7 +17,7 @@ from scipy import linalg
 from calibration.fit.curves.smooth_process import Processes, log_evidence
 from kinematics.transforms import Array
 
-SHARES = (3.0, 1.0, 0.3)
+LINE_SIZE_SHARES = (3.0, 1.0, 0.3)
 """Sizes of lines that are tried, as shares of the prior; equally probable before the data are seen (Type B)."""
 
 
@@ -34,7 +34,7 @@ def line_shares(
     its product with the values `(q,)`.
     """
     classes = list(dict.fromkeys(which for own in processes.values() for which in own.classes))
-    tried = np.array(list(product(SHARES, repeat=len(classes))))
+    tried = np.array(list(product(LINE_SIZE_SHARES, repeat=len(classes))))
     odds = np.array([_evidence(processes, _by_axis(processes, free, classes, of), information, right) for of in tried])
     odds = np.exp(odds - odds.max())
     return _by_axis(processes, free, classes, np.sqrt(odds @ tried**2 / odds.sum()))

@@ -17,9 +17,9 @@ from scipy.linalg import lapack
 
 from kinematics.transforms import Array, read_only
 
-SIZES = read_only(10.0 * 2.0 ** (np.arange(-14, 13) / 2.0))
+PROCESS_SIZES_UM = read_only(10.0 * 2.0 ** (np.arange(-14, 13) / 2.0))
 """Standard deviations of a process that are tried, um or urad."""
-SHORTEST = 0.5
+SHORTEST_CORRELATION = 0.5
 """Least correlation length, in mean distances of positions: the data do not distinguish shorter ones."""
 TYPICAL_SIZE = 10.0
 """Size, um or urad, that is expected before the data are seen (Type B), where nothing else is stated."""
@@ -27,7 +27,7 @@ TYPICAL_SHARE, TYPICAL_LENGTH = 1.0 / 6.0, 2.0
 """Length that is expected, as a share of the measured range; but at least this number of mean distances (Type B)."""
 SIZE_SPREAD, LENGTH_SPREAD = 1.5, 1.0
 """Standard deviations of the logarithms of size and length about these."""
-UNLIKELY = 1e-3
+LEAST_PROCESS_PROBABILITY = 1e-3
 """Probability below which a process does not count."""
 JITTER = 1e-9
 """Share of a variance that is added to it, against rounding."""
@@ -62,7 +62,7 @@ class Process(NamedTuple):
     length: float
     """Correlation length in mean distances of positions."""
     sizes: Mapping[str, int]
-    """Index in SIZES by class of error motions."""
+    """Index in `PROCESS_SIZES_UM` by class of error motions."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,9 @@ class Processes:
         for which, own in values:
             squares.setdefault(which, []).append(float(np.mean((own - line @ (line.T @ own)) ** 2)))
         sizes = {
-            which: int(np.argmin(np.abs(np.log(SIZES) - 0.5 * np.log(max(np.mean(own), SIZES[0] ** 2)))))
+            which: int(
+                np.argmin(np.abs(np.log(PROCESS_SIZES_UM) - 0.5 * np.log(max(np.mean(own), PROCESS_SIZES_UM[0] ** 2))))
+            )
             for which, own in squares.items()
         }
         nothing = cls(positions, tuple(trends), tuple(which for which, _ in values), typical_size)
@@ -107,18 +109,21 @@ class Processes:
 
     def away(self, process: Process) -> float:
         """Negative log probability of a process before the data are seen, up to a constant."""
-        sizes = np.log(SIZES[list(process.sizes.values())] / self.typical_size) / SIZE_SPREAD
+        sizes = np.log(PROCESS_SIZES_UM[list(process.sizes.values())] / self.typical_size) / SIZE_SPREAD
         length = np.log(process.length / self.typical_length) / LENGTH_SPREAD
         return 0.5 * float(sizes @ sizes + length**2) - float(np.log(CORRELATIONS[process.correlation]))
 
     def size(self, which: str) -> float:
         """Standard deviation of the error motions of a class about a straight line, um or urad."""
-        return float(np.sqrt(sum(p * SIZES[process.sizes[which]] ** 2 for p, process in self.possible)))
+        return float(np.sqrt(sum(p * PROCESS_SIZES_UM[process.sizes[which]] ** 2 for p, process in self.possible)))
 
     def covariance(self, x: Array, motion: int) -> Array:
         """Covariance of the values at positions `(m,)` of an error motion, given by its number, um2 or urad2."""
         which = self.classes[motion]
-        own = sum(p * SIZES[process.sizes[which]] ** 2 * self._correlation(process, x) for p, process in self.possible)
+        own = sum(
+            p * PROCESS_SIZES_UM[process.sizes[which]] ** 2 * self._correlation(process, x)
+            for p, process in self.possible
+        )
         return self._with_line(x, self.trends[motion], np.asarray(own))
 
     def between(self, motion: int) -> float:
@@ -135,20 +140,21 @@ class Processes:
         information `(q, q)` and its product with the values `(q,)`, error motion by error motion.
         """
         sizes, longest = self.possible[0][1].sizes, 2.0 * self.typical_length
-        lengths = SHORTEST * 2.0 ** np.arange(int(np.log2(longest / SHORTEST)) + 1)
+        lengths = SHORTEST_CORRELATION * 2.0 ** np.arange(int(np.log2(longest / SHORTEST_CORRELATION)) + 1)
         starts = [Process(correlation, length, sizes) for correlation in CORRELATIONS for length in lengths.tolist()]
         found = _Evidence(self, information, right).climbed(starts)
         most = max(value for value, _ in found)
         odds = [(float(np.exp(value - most)), process) for value, process in found]
         whole = sum(p for p, _ in odds)
         likely = sorted(
-            ((p / whole, process) for p, process in odds if p > UNLIKELY * whole), key=lambda each: -each[0]
+            ((p / whole, process) for p, process in odds if p > LEAST_PROCESS_PROBABILITY * whole),
+            key=lambda each: -each[0],
         )
         return replace(self, possible=tuple(likely))
 
     def root(self, process: Process, motion: int) -> Array:
         """Root of the covariance of the values of an error motion at the positions under one process."""
-        x, size = self.positions, SIZES[process.sizes[self.classes[motion]]]
+        x, size = self.positions, PROCESS_SIZES_UM[process.sizes[self.classes[motion]]]
         own = size**2 * self._correlation(process, x)
         return np.asarray(np.linalg.cholesky(self._with_line(x, self.trends[motion], own)))
 
@@ -244,4 +250,4 @@ class _Evidence:
 def _varied(process: Process, which: str) -> list[Process]:
     """Processes with the next smaller and larger size of a class."""
     sizes = (process.sizes[which] + step for step in (1, -1))
-    return [process._replace(sizes={**process.sizes, which: k}) for k in sizes if 0 <= k < len(SIZES)]
+    return [process._replace(sizes={**process.sizes, which: k}) for k in sizes if 0 <= k < len(PROCESS_SIZES_UM)]

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from calibration.fit.acceptance import too_few
-from calibration.fit.bases.search import AUTO, FINEST, ROTARY_KIND, Choice
+from calibration.fit.bases.search import AUTO, MOST_LINEAR_PARAMETERS, ROTARY_KIND, Choice
 from calibration.fit.bases.selection import choose, coarse_choice, finer, fitted
 from calibration.fit.cross_validation import cross_validate, diagonals
 from calibration.fit.fit import Fit
@@ -26,9 +26,9 @@ from kinematics.effects import Effect
 from kinematics.running.progress import Progress
 from kinematics.transforms import Array
 
-FEWEST = 6
+LEAST_BASIS_SIZE = 6
 """Least size of a basis under the noise of axes that do not repeat."""
-COARSE = 8
+MOST_REPEATING_PARAMETERS = 8
 """Most parameters of an error motion that cannot imitate an axis which does not repeat."""
 
 
@@ -48,7 +48,7 @@ class Wanted:
         """True where the evidence selects the bases."""
         return self.basis == AUTO or self.basis.startswith(f"{AUTO}:")
 
-    def choice(self, measurement: Measurement, finest: int = FINEST) -> Choice:
+    def choice(self, measurement: Measurement, finest: int = MOST_LINEAR_PARAMETERS) -> Choice:
         """The bases of all axes under the noise of the measurement, of at most so many parameters on linear axes."""
         if not self.automatic:
             return Choice(stated_bases(self.basis, list(measurement.moving)), self.prior_scale or 1.0)
@@ -80,8 +80,8 @@ def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choi
     choice = wanted.choice(measurement)
     first = wanted.fit(measurement, choice)
     found = [_noisy(first, choice, wanted)]
-    if wanted.automatic and any(basis.size > COARSE for basis in choice.bases.values()):
-        coarse = wanted.noisy(wanted.fit(measurement, wanted.choice(measurement, COARSE)))
+    if wanted.automatic and any(basis.size > MOST_REPEATING_PARAMETERS for basis in choice.bases.values()):
+        coarse = wanted.noisy(wanted.fit(measurement, wanted.choice(measurement, MOST_REPEATING_PARAMETERS)))
         if coarse.noise is not None and coarse.noise.arms.shape[2]:
             found.append(_again(coarse, wanted))
     best = max(found, key=lambda each: each[1].log_probability)
@@ -119,13 +119,13 @@ def _again(noisy: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
 
 
 def _resolving(choice: Choice, noisy: Measurement) -> Choice:
-    """The choice, with FEWEST or more sizes of the bases of linear axes, where the positions permit.
+    """The choice, with `LEAST_BASIS_SIZE` or more sizes of the bases of linear axes, where the positions permit.
 
     The evidence tolerates a misfit of the order of the uncertainty, which is large where an axis does not repeat, and
     does not contain this misfit. The prior limits the parameters that the data do not determine.
     """
     bases = {
-        axis: replace(basis, size=max(basis.size, min(FEWEST, noisy.distinct_positions[axis] - 1)))
+        axis: replace(basis, size=max(basis.size, min(LEAST_BASIS_SIZE, noisy.distinct_positions[axis] - 1)))
         if axis[0] not in "ABC"
         else basis
         for axis, basis in choice.bases.items()

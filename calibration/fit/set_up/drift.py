@@ -31,19 +31,19 @@ ROW_S = 60.0
 """Time from row to row, s, of data without times: only its proportions count."""
 SPECIFIED = 1.0
 """chi2/dof of noise that is as the instrument specification states it."""
-SHARE = 1.0 / 3.0
+FIRST_TIME_CONSTANT_SHARE = 1.0 / 3.0
 """Time constant at the start of the fit, as a share of the duration."""
-UNLIKELY = 1e-3
+LEAST_SIDE_PROBABILITY = 1e-3
 """Probability below which the drift of the other side does not count."""
-CLEAR = 0.05
+OTHER_SIDE_PROBABILITY = 0.05
 """Probability of the other side below which a report names the likelier one (odds of 19: strong evidence)."""
 
-SIGNIFICANCE = 0.01
+FALSE_SHIFT_PROBABILITY = 0.01
 """Chance that the repeated centres of a machine without drift count as shifted."""
-SAME = 1e-5
+SAME_ROTARY_RAD = 1e-5
 """Largest difference, rad, of rotary positions that are the same."""
-COVERAGE = 2.0
-FAR_UM = 500.0
+COVERAGE_FACTOR = 2.0
+IMPOSSIBLE_SHIFT_UM = 500.0
 """Shift, um, from which a row is wrong: no machine drifts so far. Other checks name such rows."""
 
 
@@ -105,7 +105,7 @@ UNEXPLAINED = "No drift with time explains it, and U does not contain it: the er
 
 
 def _sentence(best: Drift) -> str:
-    if best.other is None or 1.0 - best.probability < CLEAR:
+    if best.other is None or 1.0 - best.probability < OTHER_SIDE_PROBABILITY:
         return ESTIMATED.format(best.side)
     return TIED.format(best.side, best.probability, best.other.side, 1.0 - best.probability)
 
@@ -115,7 +115,9 @@ def _likeliest(timed: Measurement, wanted: Wanted) -> Drift:
     tried = [_with(effects, timed, wanted) for effects in _courses(timed)]
     best, other = sorted(((_log_probability(each, timed, wanted), each) for each in tried), key=lambda own: -own[0])
     probability = float(1.0 / (1.0 + np.exp(other[0] - best[0])))
-    return replace(best[1], other=other[1] if 1.0 - probability > UNLIKELY else None, probability=probability)
+    return replace(
+        best[1], other=other[1] if 1.0 - probability > LEAST_SIDE_PROBABILITY else None, probability=probability
+    )
 
 
 def _log_probability(own: Drift, timed: Measurement, wanted: Wanted) -> float:
@@ -149,7 +151,7 @@ def _timed(measurement: Measurement) -> Measurement:
 def _courses(measurement: Measurement) -> Sequence[tuple[Effect, ...]]:
     """Drifts of the tool point and of the workpiece, linear and exponential, from zero."""
     time = measurement.state.need("time", "drift")
-    constant = (SHARE * float(np.ptp(time)),)
+    constant = (FIRST_TIME_CONSTANT_SHARE * float(np.ptp(time)),)
     return [
         tuple(kind(c, rate=0.0, amplitudes=(0.0,), time_constants_s=constant) for c in get_args(Direction))
         for kind in (ThermalDrift, WorkpieceDrift)
@@ -175,7 +177,7 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
         return
     first, again = _repeats(measurement.groups, measurement.state.positions[:, measurement.machine.rotary])
     shift = -1e3 * (found.residual[again] - found.residual[first])
-    near = np.linalg.norm(shift, axis=1) < FAR_UM
+    near = np.linalg.norm(shift, axis=1) < IMPOSSIBLE_SHIFT_UM
     if rows is not None:
         near &= rows[first] & rows[again]
     first, again, shift = first[near], again[near], shift[near]
@@ -183,14 +185,14 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
         return
     u = measurement.instrument.u_um * (2.0 * max(found.chi2_reduced if chi2 is None else chi2, 1.0)) ** 0.5
     k = int(np.argmax(np.linalg.norm(shift, axis=1)))
-    if np.abs(shift[k]).max() <= u * -special.ndtri(SIGNIFICANCE / (2.0 * shift.size)):
+    if np.abs(shift[k]).max() <= u * -special.ndtri(FALSE_SHIFT_PROBABILITY / (2.0 * shift.size)):
         return
     moved = ", ".join(f"{value:+.1f}" for value in shift[k])
     times = "" if measurement.state.time is not None else ", with a column time_s,"
     yield Finding(
         "drift",
         f"{measurement.where(int(again[k]))}: the centre of sphere {measurement.groups[again[k]]} is ({moved}) um +- "
-        f"{uncertainty(COVERAGE * u, 1)} um (k=2) from where {measurement.where(int(first[k]))} found it at the same "
+        f"{uncertainty(COVERAGE_FACTOR * u, 1)} um (k=2) from where {measurement.where(int(first[k]))} found it at the same "
         "rotary positions: spindle, table or sphere moved or warmed up in between, or one of both rows is off. Measure "
         f"again in a warm machine; ncomp diagnose{times} separates a drift (thermal-drift) from a knock "
         "(station-shift)",
@@ -200,7 +202,9 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
 
 def _repeats(groups: np.ndarray, rotary: Array) -> tuple[np.ndarray, np.ndarray]:
     """Rows `(k,)` that repeat a sphere at the rotary positions `(n, axes)` of an earlier row: that row, and they."""
-    keys = np.concatenate([np.unique(groups, return_inverse=True)[1][:, None], np.round(rotary / SAME)], axis=1)
+    keys = np.concatenate(
+        [np.unique(groups, return_inverse=True)[1][:, None], np.round(rotary / SAME_ROTARY_RAD)], axis=1
+    )
     _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     earlier = first[number.reshape(-1)]
     again = np.flatnonzero(earlier != np.arange(len(groups)))

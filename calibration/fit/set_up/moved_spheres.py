@@ -21,17 +21,17 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 DIRECTIONS: tuple[Component, ...] = ("X", "Y", "Z")
-LEAST = 2
+ROWS_ON_EACH_SIDE = 2
 """Least number of rows of a sphere before and behind its move; a single row is an outlier."""
-CLEAR = 30.0
+EXAMINED_LOG_GAIN = 30.0
 """Gain in the logarithm of the likelihood from which a step is looked at."""
-SIZE = 5.0
+LEAST_STEP_RMS = 5.0
 """Least step, in units of the RMS residual."""
-DRIFT = 0.35
+LARGEST_SECOND_STEP = 0.35
 """Largest second step, as a share of the first: a drift has steps of half its size before and behind each moment."""
 LIKELIER = 4.0
 """Factor by which the residuals of a drift of the tool must exceed those of a step, in squares."""
-ALIKE = 0.5
+TOGETHER_MOVE_SHARE = 0.5
 """Least move of a sphere, as a share of the largest, where all spheres count as moved together."""
 
 
@@ -60,12 +60,16 @@ def moved_spheres(measurement: Measurement) -> str:
     if not tried:
         return ""
     # a row that another step leaves out counts as well, as far as a step does
-    most = SIZE * min(each.rms_um for _, each in tried)
+    most = LEAST_STEP_RMS * min(each.rms_um for _, each in tried)
     step, after = min(tried, key=lambda each: float(np.sum(np.minimum(each[1].residual_um, most) ** 2)))
     kept, sizes = after.kept, _sizes(after, step)
     gain = 0.5 * kept.sum() * found.residual.shape[1] * np.log(_squares(found, kept) / _squares(after, kept))
     size = float(sizes.max())
-    if gain < CLEAR or 1e3 * size < SIZE * after.rms_um or _second(after, step) > DRIFT * size:
+    if (
+        gain < EXAMINED_LOG_GAIN
+        or 1e3 * size < LEAST_STEP_RMS * after.rms_um
+        or _second(after, step) > LARGEST_SECOND_STEP * size
+    ):
         return ""
     if _squares(_with_drift(measurement), kept) < LIKELIER * _squares(after, kept):
         return ""
@@ -90,11 +94,11 @@ def _steps(found: Fit) -> Iterator[_Step]:
     several = [spheres for spheres in dict.fromkeys([*by_file, tuple(names)]) if len(spheres) > 1]
     for spheres in [*((name,) for name in names), *several]:
         rows = np.flatnonzero(np.isin(groups, spheres))
-        if len(rows) < 2 * LEAST * len(spheres):
+        if len(rows) < 2 * ROWS_ON_EACH_SIDE * len(spheres):
             continue
-        first, removed, _ = _step_in(found.residual[rows], LEAST * len(spheres))
+        first, removed, _ = _step_in(found.residual[rows], ROWS_ON_EACH_SIDE * len(spheres))
         left = float(np.sum((found.residual[rows] - found.residual[rows].mean(axis=0)) ** 2)) - removed
-        if 0.5 * found.residual[rows].size * np.log1p(removed / max(left, 1e-300)) > CLEAR / 3.0:
+        if 0.5 * found.residual[rows].size * np.log1p(removed / max(left, 1e-300)) > EXAMINED_LOG_GAIN / 3.0:
             yield _Step(spheres, int(rows[first]))
 
 
@@ -119,7 +123,7 @@ def _sizes(found: Fit, step: _Step) -> Array:
 
 def _together(sizes: Array) -> bool:
     """True where all moves are alike: otherwise some of the spheres did not move."""
-    return len(sizes) > 0 and bool(sizes.min() > ALIKE * sizes.max())
+    return len(sizes) > 0 and bool(sizes.min() > TOGETHER_MOVE_SHARE * sizes.max())
 
 
 def _second(found: Fit, step: _Step) -> float:
@@ -127,9 +131,9 @@ def _second(found: Fit, step: _Step) -> float:
     largest = 0.0
     for names in (step.spheres, tuple(map(_moved, step.spheres))):
         rows = np.flatnonzero(np.isin(found.measurement.groups, names) & found.kept)
-        if len(rows) < 2 * LEAST:
+        if len(rows) < 2 * ROWS_ON_EACH_SIDE:
             continue
-        largest = max(largest, _step_in(found.residual[rows], LEAST)[2])
+        largest = max(largest, _step_in(found.residual[rows], ROWS_ON_EACH_SIDE)[2])
     return largest
 
 

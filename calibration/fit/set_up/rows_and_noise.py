@@ -7,18 +7,20 @@ from collections.abc import Iterator
 from calibration.fit.fit import Fit
 from calibration.plausibility.finding import Finding
 
-LISTED = 5
+LISTED_OUTLIERS = 5
 """Most outliers of a measurement that are listed one by one."""
 
 
 def outlier_findings(own: Fit) -> Iterator[Finding]:
     """A finding for each of the first rows that were left out as outliers."""
     rows = own.outliers.tolist()
-    for row in rows[:LISTED]:
+    for row in rows[:LISTED_OUTLIERS]:
         off = f"{own.measurement.where(row)}: outlier, {own.residual_um[row]:.1f} um from the other rows, left out"
         yield Finding("outliers", off, False)
-    if len(rows) > LISTED:
-        yield Finding("outliers", f"{own.measurement.source}: {len(rows) - LISTED} more rows are left out", False)
+    if len(rows) > LISTED_OUTLIERS:
+        yield Finding(
+            "outliers", f"{own.measurement.source}: {len(rows) - LISTED_OUTLIERS} more rows are left out", False
+        )
 
 
 def noise_findings(own: Fit) -> Iterator[Finding]:

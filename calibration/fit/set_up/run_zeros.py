@@ -14,7 +14,7 @@ from calibration.plausibility.finding import Finding
 from calibration.registration.registration import Registration
 from kinematics.transforms import Array
 
-SIGNIFICANCE = 1e-3
+FALSE_SPREAD_PROBABILITY = 1e-3
 """Chance that zeros which differ by noise alone count as spread."""
 
 
@@ -99,7 +99,7 @@ def zero_findings(zeros: Sequence[RunZero]) -> Iterator[Finding]:
             continue
         chi2 = float(np.sum(((value - np.average(value, weights=u**-2)) / u) ** 2))
         p_value = float(special.chdtrc(len(own) - 1, chi2))
-        if p_value < SIGNIFICANCE:
+        if p_value < FALSE_SPREAD_PROBABILITY:
             one_way = " Each run has one direction, so that its zero also holds the backlash." * all(
                 zero.direction for zero in own
             )

@@ -24,17 +24,17 @@ from kinematics.effects import AirScale, AngleHarmonic, Effect, RangeOffset, Tar
 from kinematics.machine import Machine, Vector
 from kinematics.transforms import Array
 
-SIGNIFICANCE = 1e-6
+FALSE_TARGET_PROBABILITY = 1e-6
 """Chance that one target whose position is right is found to be wrong."""
-LEAST_UM = 1.0
+IGNORED_DIFFERENCE_UM = 1.0
 """Length, um, below which a difference is ignored: positions are stated to 1 um at best."""
-ALIKE = 10.0
+UNDECIDED_CHI2 = 10.0
 """Difference of two chi2 below which the data do not show which of two targets is wrong: odds of 150 to 1."""
-NODES = 8
+MOST_TARGET_NODES = 8
 """Most nodes of an error motion beside the offsets."""
-ROWS = 3000
+MOST_COMPARED_ROWS = 3000
 """Most rows in the comparison, chosen at random."""
-FAR_UM = 1e4
+OFFSET_PRIOR_UM = 1e4
 """Prior standard deviation of an offset, um."""
 TRACKER: tuple[Effect, ...] = (
     RangeOffset(0.0),
@@ -42,9 +42,9 @@ TRACKER: tuple[Effect, ...] = (
     *(AngleHarmonic(circle, harmonic, 0.0, 0.0) for circle in ("azimuth", "elevation") for harmonic in (1, 2)),
 )
 """Errors of a tracker beside which an offset must be significant too."""
-WIDE = 5.0
+WIDE_PRIOR_SIZES = 5.0
 """Prior standard deviation of these, in typical sizes."""
-COVERAGE = 2.0
+COVERAGE_FACTOR = 2.0
 ONE_TARGET = (
     "one target on the tool: an error of its stated position cannot be separated from the pose of the instrument (with "
     "rotary axes: from their location errors); a second target would show it"
@@ -78,7 +78,7 @@ class TargetPosition:
     @property
     def text(self) -> str:
         """The result in one sentence, without a full stop."""
-        size, u = _vector(self.offset), f"{COVERAGE * float(self.u.max()):.2g} mm (k=2)"
+        size, u = _vector(self.offset), f"{COVERAGE_FACTOR * float(self.u.max()):.2g} mm (k=2)"
         if self.runout:
             return f"target {self.name}: runout of the tip from its stated position {size} +- {u}; the fit uses it"
         if not self.stated:
@@ -123,14 +123,16 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
         beside = beside or _Offsets.of(_with_offsets(part, on_tool, TRACKER if of_tracker else ()), len(on_tool))
         if not significant(beside.gain([*chosen, best]) - beside.gain(chosen), len(on_tool)):
             break
-        others[best] = tuple(on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - ALIKE)
+        others[best] = tuple(
+            on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - UNDECIDED_CHI2
+        )
         reductions[best] = gains[best]
         chosen.append(best)
     values, u = offsets.of_targets(chosen)
     result = []
     for k, own, uncertainty in zip(chosen, values, u, strict=True):
         stated = not measurement.targets[on_tool[k]].free
-        if stated and np.linalg.norm(own) < LEAST_UM:
+        if stated and np.linalg.norm(own) < IGNORED_DIFFERENCE_UM:
             continue
         first = np.zeros(3) if stated else np.array(part.targets[on_tool[k]].position)
         at_once = stated and _in_sequence(measurement, on_tool[k])
@@ -219,28 +221,28 @@ def _as_vector(values: Array) -> Vector:
 
 
 def _some(measurement: Measurement) -> Measurement:
-    if len(measurement) <= ROWS:
+    if len(measurement) <= MOST_COMPARED_ROWS:
         return measurement
-    rows = np.random.default_rng(0).choice(len(measurement), ROWS, replace=False)
+    rows = np.random.default_rng(0).choice(len(measurement), MOST_COMPARED_ROWS, replace=False)
     return measurement.rows(np.sort(rows))
 
 
 def significant(gain: float, targets: int) -> bool:
     """True where an offset of one of so many targets reduces chi2 by more than chance does."""
-    return bool(special.chdtrc(3, max(gain, 0.0)) <= SIGNIFICANCE / targets)
+    return bool(special.chdtrc(3, max(gain, 0.0)) <= FALSE_TARGET_PROBABILITY / targets)
 
 
 def _with_offsets(measurement: Measurement, on_tool: Sequence[str], others: Sequence[Effect] = ()) -> Fit:
     """The fit of coarse error motions, other effects, and an offset of each target; the noise from the residuals."""
     bases = {
-        axis: BasisChoice("b-spline", max(2, min(NODES, measurement.distinct_positions[axis])))
+        axis: BasisChoice("b-spline", max(2, min(MOST_TARGET_NODES, measurement.distinct_positions[axis])))
         for axis in measurement.moving
     }
     rigid = rigid_model(measurement, bases)
-    wide = [WIDE * quantity.typical for effect in others for quantity in effect.parameter_table]
+    wide = [WIDE_PRIOR_SIZES * quantity.typical for effect in others for quantity in effect.parameter_table]
     offsets = [TargetOffset(name, (0.0, 0.0, 0.0)) for name in on_tool]
     model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *others, *offsets))
-    prior = np.concatenate([priors(rigid), wide, np.full(3 * len(on_tool), FAR_UM)])
+    prior = np.concatenate([priors(rigid), wide, np.full(3 * len(on_tool), OFFSET_PRIOR_UM)])
     return fit(measurement, model, prior=prior, variance="estimate")
 
 
@@ -260,7 +262,7 @@ class _Offsets:
         n = len(whole) - 3 * count
         motions = linalg.cho_factor(whole[:n, :n] + np.eye(n))
         own = whole[n:, n:] - whole[n:, :n] @ linalg.cho_solve(motions, whole[:n, n:]) + np.eye(3 * count)
-        own = own / FAR_UM**2
+        own = own / OFFSET_PRIOR_UM**2
         return cls(own, own @ found.model.parameters[n:])
 
     def gain(self, chosen: Sequence[int]) -> float:

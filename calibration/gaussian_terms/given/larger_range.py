@@ -18,19 +18,19 @@ from calibration.measurement.measurement import Measurement
 from kinematics.basis import Basis, BSpline, Interval
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.model import ErrorModel
-from kinematics.machine import TURN, Axis, Machine
+from kinematics.machine import TURN_DEG, Axis, Machine
 from kinematics.transforms import Array
 from kinematics.turn import beyond, columns_of, gap_of, measured_arc
 
-LEAST = 0.02
+SHARE_BEYOND_RANGE = 0.02
 """Share of a range by which data must reach beyond it."""
-STEPS = 400
+COMPARED_POSITIONS = 400
 """Number of positions over the range, and over the larger one, at which functions are compared."""
-SAME = 0.01
+SAME_SHARE_OF_SIZE = 0.01
 """Standard deviation within the range of the error motion that takes the place of another, as a share of its size."""
-NARROW = 0.25
+NARROW_NODE_SHARE = 0.25
 """Share of the distance of nodes up to which the larger range gets none: the error motion keeps its end value there."""
-WIDE, LEAST_SIZE = 3.0, 1.0
+OUTER_SIZE_FACTOR, LEAST_OUTER_SIZE_UM = 3.0, 1.0
 """Prior of an error motion outside its range, as a multiple of its size within it, and the least size, um or urad."""
 
 
@@ -51,8 +51,8 @@ def larger_ranges(calibration: ErrorModel, measurement: Measurement) -> Mapping[
             continue
         known = max(ranges, key=lambda each: each[1] - each[0])
         x = np.concatenate([measurement.state.position(measurement.machine, name), moved])
-        if np.max(_outside(axis, known, x)) > LEAST * (known[1] - known[0]):
-            both = np.concatenate([np.linspace(*known, STEPS), x])
+        if np.max(_outside(axis, known, x)) > SHARE_BEYOND_RANGE * (known[1] - known[0]):
+            both = np.concatenate([np.linspace(*known, COMPARED_POSITIONS), x])
             ends = float(both.min()), float(both.max())
             found[name] = Larger(known, _arc(known, both) if axis.turns_fully else ends)
     return found
@@ -61,7 +61,7 @@ def larger_ranges(calibration: ErrorModel, measurement: Measurement) -> Mapping[
 def _arc(known: Interval, x: Array) -> Interval:
     """The arc of the turn that positions `(n,)`, degrees, cover, counted such that it contains the known one."""
     low, high = measured_arc(x)
-    before = (known[0] - low) % TURN if gap_of((low, high)) else 0.0
+    before = (known[0] - low) % TURN_DEG if gap_of((low, high)) else 0.0
     return known[0] - before, known[0] - before + (high - low)
 
 
@@ -97,7 +97,7 @@ def within(calibration: ErrorModel, measurement: Measurement) -> np.ndarray:
     for name, ranges in larger_ranges(calibration, measurement).items():
         axis = measurement.machine.axes[measurement.machine.index(name)]
         x = measurement.state.position(measurement.machine, name)
-        inside &= _outside(axis, ranges.known, x) <= LEAST * (ranges.known[1] - ranges.known[0])
+        inside &= _outside(axis, ranges.known, x) <= SHARE_BEYOND_RANGE * (ranges.known[1] - ranges.known[0])
     return inside
 
 
@@ -126,7 +126,7 @@ def _over(basis: Basis, whole: Interval) -> BSpline:
 
 def _nodes(end: float, start: float, distance: float) -> Array:
     """Ascending positions from `end` up to `start`, without this, at about this distance; none for a narrow part."""
-    if start - end < NARROW * distance:
+    if start - end < NARROW_NODE_SHARE * distance:
         return np.zeros(0)
     return np.linspace(end, start, max(round((start - end) / distance), 1) + 1)[:-1]
 
@@ -136,14 +136,17 @@ def _taking_place(axis: Axis, effect: ErrorMotion, basis: Basis) -> tuple[Array,
 
     The same error within the range; outside it as far from what the calibration says there as a wide prior lets it be.
     """
-    whole = np.linspace(*basis.interval, STEPS)
-    inside = np.linspace(*effect.basis.interval, STEPS)
+    whole = np.linspace(*basis.interval, COMPARED_POSITIONS)
+    inside = np.linspace(*effect.basis.interval, COMPARED_POSITIONS)
     old, new = (columns_of(axis, each, inside) for each in (effect.basis, basis))
     said, *_ = np.linalg.lstsq(columns_of(axis, basis, whole), columns_of(axis, effect.basis, whole), rcond=None)
     size = max(
-        float(np.sqrt(np.mean((old @ effect.parameters) ** 2 + (old**2) @ np.square(effect.uncertainties)))), LEAST_SIZE
+        float(np.sqrt(np.mean((old @ effect.parameters) ** 2 + (old**2) @ np.square(effect.uncertainties)))),
+        LEAST_OUTER_SIZE_UM,
     )
     longer = (basis.interval[1] - basis.interval[0]) / (effect.basis.interval[1] - effect.basis.interval[0])
-    precision = new.T @ new / (SAME * size) ** 2 + np.eye(basis.size) / (WIDE * longer * size) ** 2
-    into = said + np.linalg.solve(precision, new.T @ (old - new @ said)) / (SAME * size) ** 2
+    precision = (
+        new.T @ new / (SAME_SHARE_OF_SIZE * size) ** 2 + np.eye(basis.size) / (OUTER_SIZE_FACTOR * longer * size) ** 2
+    )
+    into = said + np.linalg.solve(precision, new.T @ (old - new @ said)) / (SAME_SHARE_OF_SIZE * size) ** 2
     return into, np.linalg.inv(np.linalg.cholesky(precision)).T

@@ -12,9 +12,9 @@ from kinematics.transforms import Array
 
 MOST_HARMONICS = 50
 """Highest degree and order of a basis."""
-SAMPLES = 8
+SAMPLES_OF_FEATURE = 8
 """Positions in each feature of a basis at which functions are compared."""
-EXACT = 1e-9
+EXACT_MISFIT = 1e-9
 """Largest relative misfit of a function that a basis contains."""
 
 
@@ -51,9 +51,9 @@ def contained(functions: Callable[[Array], Array], coarse: Basis, fine: Basis) -
     """
     low = min(coarse.interval[0], fine.interval[0])
     high = max(coarse.interval[1], fine.interval[1])
-    x = np.linspace(low, high, SAMPLES * (coarse.size + fine.size) + 1)
+    x = np.linspace(low, high, SAMPLES_OF_FEATURE * (coarse.size + fine.size) + 1)
     x = np.unique(np.concatenate([x, *(basis.nodes for basis in (coarse, fine) if isinstance(basis, BSpline))]))
     columns, values = fine.columns(x), functions(x)
     parameters, *_ = np.linalg.lstsq(columns, values, rcond=None)
     misfit = float(np.abs(columns @ parameters - values).max(initial=0.0))
-    return np.asarray(parameters) if misfit <= EXACT * float(np.abs(values).max(initial=0.0)) else None
+    return np.asarray(parameters) if misfit <= EXACT_MISFIT * float(np.abs(values).max(initial=0.0)) else None

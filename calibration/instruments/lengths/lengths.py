@@ -60,9 +60,9 @@ ANY_SQUARE = 1e4
 """Standard uncertainty of the angle of a square that is turned round, urad: the readings show it."""
 ANGLES = 24
 """Least number of readings from which angular error motions are fitted."""
-ALONG = 1e-6
+LEAST_OBSERVED_COMPONENT = 1e-6
 """Least component of the direction of a row along an axis of the frame that it observes."""
-LEAST_U = 1e-3
+LEAST_END_U_UM = 1e-3
 """Smallest standard uncertainty, um, of an end whose other end is missing."""
 
 
@@ -174,9 +174,9 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
         are left to readings of a dial gauge, which show their bends.
         """
         lines, own, i = np.abs(lines_of(measurement)), own_component(axis), measurement.machine.index(axis)
-        seen = lines.max(axis=0, initial=0.0) > ALONG
+        seen = lines.max(axis=0, initial=0.0) > LEAST_OBSERVED_COMPONENT
         dialled = moved_axes(measurement) == i
-        bent = lines[dialled].max(axis=0, initial=0.0) > ALONG
+        bent = lines[dialled].max(axis=0, initial=0.0) > LEAST_OBSERVED_COMPONENT
         sides = measurement.state.need("approach", "a dial gauge")[dialled, i]
         backlash = bool((sides > 0.0).any() and (sides < 0.0).any())
         if seen.all() and _readings(measurement) >= ANGLES:
@@ -262,7 +262,7 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
                 f"a ruler measures from each position to the next: the plan has {len(state)} rows, not pairs"
             )
         apart = np.linalg.norm(state.positions[::2] - state.positions[1::2], axis=1)
-        if len(same := np.flatnonzero(apart < reading.SAME_MM)):
+        if len(same := np.flatnonzero(apart < reading.SAME_END_MM)):
             raise UserError(
                 f"rows {2 * same[0] + 1} and {2 * same[0] + 2} of the plan are at the same position: no length"
             )
@@ -289,7 +289,7 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
         if measurement.scatter is not None:
             return np.asarray(measurement.scatter[:, None, None] ** 2)
         first, second = pairs_of(measurement)
-        u = np.where(moved_axes(measurement) < 0, max(self.u_um, LEAST_U), self.u_gauge_um) * UM
+        u = np.where(moved_axes(measurement) < 0, max(self.u_um, LEAST_END_U_UM), self.u_gauge_um) * UM
         length = 2.0 * half_lengths(measurement)[second]
         u[first] = u[second] = (self.u_um + self.u_um_per_m * length * 1e-3) * UM * 0.5**0.5
         return np.asarray(u[:, None, None] ** 2)

@@ -37,7 +37,7 @@ OBSERVED = "observed_mm"
 SCATTER = "scatter_um"
 UNNAMED = "length"
 """Name of a length whose row has none."""
-SAME_MM = 1e-6
+SAME_END_MM = 1e-6
 """Distance below which two ends are the same."""
 
 
@@ -167,7 +167,7 @@ def _add_length(cells: _Cells, row: int, rows: Rows) -> None:
             row, f"{machine.names[0]}1", "the row has no positions: fill in where the machine stood at both ends"
         )
     apart = float(np.linalg.norm(np.subtract(two, one)))
-    if apart < SAME_MM:
+    if apart < SAME_END_MM:
         table.fault(row, f"{machine.names[0]}2", "both ends are at the same position: correct one of them")
     length = cells.needed(row, LENGTH_MM, "a length")
     if length <= 0.0:

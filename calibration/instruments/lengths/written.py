@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 AGAINST = {"gauge": "", "square": "1", "reversed": "reversed"}
 """The cell of the column `square`, by what the dial touches."""
-DECIMALS = 9
+LENGTH_DECIMALS = 9
 SIGNS = {1: "+", -1: "-", 0: ""}
 
 
@@ -37,9 +37,9 @@ def _lengths(measurement: Measurement) -> list[dict[str, str]]:
         for axis, column in zip(machine.names, scaled, strict=True):
             cells |= {f"{axis}1": repr(float(column[one])), f"{axis}2": repr(float(column[two]))}
         length = float(measurement.observed[two, 0] - measurement.observed[one, 0])
-        cells[reading.LENGTH_MM] = repr(round(length, DECIMALS))
+        cells[reading.LENGTH_MM] = repr(round(length, LENGTH_DECIMALS))
         if measurement.scatter is not None:
-            cells[reading.OWN_U] = repr(round(float(measurement.scatter[one] / UM * 2.0**0.5), DECIMALS))
+            cells[reading.OWN_U] = repr(round(float(measurement.scatter[one] / UM * 2.0**0.5), LENGTH_DECIMALS))
         found.append(cells)
     return found
 
@@ -58,11 +58,11 @@ def _readings(measurement: Measurement) -> list[dict[str, str]]:
             reading.ALONG: along,
             reading.POSITION: repr(float(measurement.state.positions[row, own])),
             reading.DIRECTION: SIGNS[int(sides[row, own])],
-            reading.READING: repr(round(float(measurement.observed[row, 0] / UM), DECIMALS)),
+            reading.READING: repr(round(float(measurement.observed[row, 0] / UM), LENGTH_DECIMALS)),
             reading.SQUARE: AGAINST[kind],
             reading.RUN: group.removesuffix(" reversed"),
         }
         if measurement.scatter is not None:
-            cells[reading.OWN_U] = repr(round(float(measurement.scatter[row] / UM), DECIMALS))
+            cells[reading.OWN_U] = repr(round(float(measurement.scatter[row] / UM), LENGTH_DECIMALS))
         found.append(cells)
     return found

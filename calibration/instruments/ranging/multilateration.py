@@ -15,17 +15,17 @@ import numpy as np
 
 from kinematics.transforms import Array
 
-AWAY = 2.0
+START_DISTANCES = 2.0
 """Distance of starts around the points from their centre, in units of their largest distance from it."""
 LARGEST_MM = 1.0
 """RMS residual above which a first position may be a wrong one: no machine in use errs so much."""
-ALIKE = 1.1
+EQUAL_RESIDUAL_FACTOR = 1.1
 """Factor of the RMS residuals up to which two positions explain the ranges equally well."""
-RELATIVE = 1e-4
+MACHINE_ERROR_SHARE = 1e-4
 """Errors of machines as a share of their size, below which a direction of the linear equations is not determined."""
-STEPS = 50
+MOST_STATION_STEPS = 50
 """Most steps from a start: a good one takes about ten."""
-APART_MM = 10.0
+DIFFERENT_STATION_MM = 10.0
 """Distance from which two positions of a station are different ones."""
 
 
@@ -56,13 +56,15 @@ def located(points: Array, ranges: Array, number: np.ndarray, guess: Array | Non
     start, determined = _linear(own, ranges, number, count)
     found = refined([start] + ([] if guess is None else [guess - middle]))
     if found[0].rms > LARGEST_MM and not determined:
-        found = refined([found[0].position, *(AWAY * size * np.array(c) for c in product((-1, 1), repeat=3))])
+        found = refined(
+            [found[0].position, *(START_DISTANCES * size * np.array(c) for c in product((-1, 1), repeat=3))]
+        )
     nearest = found[0].position
     found = sorted(found + refined([nearest - 2.0 * (nearest @ across) * across]), key=lambda each: each.rms)
     best: list[Located] = []
     for each in found:
-        new = all(np.linalg.norm(each.position - other.position) > APART_MM for other in best)
-        if new and each.rms <= ALIKE * found[0].rms + np.finfo(float).eps * size:
+        new = all(np.linalg.norm(each.position - other.position) > DIFFERENT_STATION_MM for other in best)
+        if new and each.rms <= EQUAL_RESIDUAL_FACTOR * found[0].rms + np.finfo(float).eps * size:
             best.append(each)
     if guess is not None:
         best.sort(key=lambda each: float(np.linalg.norm(each.position + middle - guess)))
@@ -75,7 +77,7 @@ def _linear(own: Array, ranges: Array, number: np.ndarray, count: int) -> tuple[
     columns = np.concatenate([-2.0 * own, 2.0 * ranges[:, None] * dead, dead], axis=1)
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0.0] = 1.0
-    found, _, rank, _ = np.linalg.lstsq(columns / scale, ranges**2 - np.sum(own**2, axis=1), rcond=RELATIVE)
+    found, _, rank, _ = np.linalg.lstsq(columns / scale, ranges**2 - np.sum(own**2, axis=1), rcond=MACHINE_ERROR_SHARE)
     return np.asarray((found / scale)[:3]), rank == columns.shape[1]
 
 
@@ -97,6 +99,6 @@ def _refined(own: Array, ranges: Array, number: np.ndarray, count: int, start: A
         away = own - station
         return centred(away / np.maximum(np.linalg.norm(away, axis=1), np.finfo(float).tiny)[:, None])
 
-    position = least_squares(off, start, slopes, method="lm", max_nfev=STEPS).x
+    position = least_squares(off, start, slopes, method="lm", max_nfev=MOST_STATION_STEPS).x
     dead = np.bincount(number, ranges - np.linalg.norm(own - position, axis=1), count) / rows
     return Located(position, dead, float(np.sqrt(np.mean(off(position) ** 2))))

@@ -20,7 +20,7 @@ from calibration.instruments.ranging.multilateration import Located, located
 from calibration.registration.derived import derived
 from calibration.registration.registration import SHIFTS, Registration
 from kinematics.machine import Machine, Vector
-from kinematics.state import REFERENCE
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -43,7 +43,7 @@ AIR_LIMITS = {AIR[0]: (-40.0, 100.0), AIR[1]: (600.0, 1200.0), AIR[2]: (0.0, 100
 """Air for which the equation of the refractive index holds: degC, hPa, percent."""
 UNNAMED = "1"
 """Name of the station without a column."""
-DEAD_MM = 1000.0
+VIRTUAL_DEAD_LENGTH_MM = 1000.0
 """Half-width of the dead lengths of a virtual instrument, mm: its counter is zeroed anywhere near the machine."""
 
 
@@ -167,7 +167,7 @@ class Ranging(OfDistances, frozen=True, tag="ranging"):
         placed = super().drawn_registration(blank, poses, rng)
         stations = {name: centred_pose(pose.inverse().translation[0]) for name, pose in placed.poses.items()}
         names = np.unique(dead_lengths(blank)).tolist()
-        dead = rng.uniform(-DEAD_MM, DEAD_MM, len(names))
+        dead = rng.uniform(-VIRTUAL_DEAD_LENGTH_MM, VIRTUAL_DEAD_LENGTH_MM, len(names))
         if self.dead_u_um is not None:
             dead = rng.normal(0.0, self.dead_u_um * 1e-3, len(names))
         zeros = dict(zip(names, dead.tolist(), strict=True))
@@ -247,7 +247,7 @@ def _index_shares(table: Table, measurement: Measurement) -> Array | None:
         table.header_fault(INDEX, f"{assumed:g} is no refractive index of air: expected about 1.00027, or 1 for vacuum")
     wavelength = table.header_numbers(WAVELENGTH, 1)[0] if WAVELENGTH in table.entries else HELIUM_NEON_NM
     table.need_columns(AIR, f"the header line '# {INDEX}: ...'")
-    columns = table.numbers(AIR[1:]) | {AIR[0]: measurement.state.temperatures["air"] + REFERENCE}
+    columns = table.numbers(AIR[1:]) | {AIR[0]: measurement.state.temperatures["air"] + REFERENCE_TEMPERATURE_DEGC}
     for name, (low, high) in AIR_LIMITS.items():
         outside = (columns[name] < low) | (columns[name] > high)
         if outside.any():

@@ -66,7 +66,7 @@ KNOWN = (
     "run'), target-readings ('target_mm,reading_mm'), robot (points 'x y z', and joints 'J1 J2 ...' in the same file "
     "or as the plan), delimited (any columns, with a column map: --columns MAP.toml)"
 )
-HEAD = 20_000
+FORMAT_HEAD_BYTES = 20_000
 """Number of bytes from which a format is recognised."""
 
 
@@ -141,7 +141,7 @@ def _table(
     if plan is not None:
         raise UserError(f"{source}: a plan is for a tracker's log and for delimited exports, not for format {format}")
     table, notes = FOREIGN[format].to_table(data, source, machine, header)
-    date = date_in(old_text(data[:HEAD]).replace("\r", "\n"))
+    date = date_in(old_text(data[:FORMAT_HEAD_BYTES]).replace("\r", "\n"))
     if date is None or MEASURED in table.entries:
         return table, notes
     return replace(table, entries={**table.entries, MEASURED: Entry(str(date))}), notes
@@ -182,7 +182,7 @@ def _at_standstills(table: Table, machine: Machine, plan: Path | None) -> tuple[
 
 
 def _recognised(data: bytes, path: Path) -> str:
-    head = old_text(data[:HEAD]).replace("\r\n", "\n")
+    head = old_text(data[:FORMAT_HEAD_BYTES]).replace("\r\n", "\n")
     names = [line for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     for name, reader in FOREIGN.items():
         if reader.recognises(head):
@@ -200,14 +200,14 @@ def _recognised(data: bytes, path: Path) -> str:
         return "ncomp"
     kind = kind_of_file(data)
     utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    protocol = protocols.refused(data[:HEAD].decode("utf-16", "replace") if utf16 else head, str(path))
+    protocol = protocols.refused(data[:FORMAT_HEAD_BYTES].decode("utf-16", "replace") if utf16 else head, str(path))
     if protocol and kind != "an NC program":
         raise UserError(protocol)
     if kind:
         raise UserError(f"{path}: this is {kind}, no measurement: give the data of an instrument")
     if utf16:
         raise UserError(f"{path} is UTF-16 text: save it as plain text (CSV, UTF-8)")
-    if b"\0" in data[:HEAD]:
+    if b"\0" in data[:FORMAT_HEAD_BYTES]:
         raise UserError(f"{path} is a binary file, no measurement: give the data of an instrument as text")
     named = iso230_table.meant(head)
     cure = f"{named}; otherwise give a column map" if named else "give a column map"

@@ -18,9 +18,9 @@ from kinematics.transforms import Array
 
 SPAN = 10
 """Number of samples for a speed."""
-STANDSTILL = 0.01
+STANDSTILL_SPEED_SHARE = 0.01
 """Share of the largest speed below which the axis is at standstill."""
-STEADY = 0.02
+STEADY_SPEED = 0.02
 """Largest relative difference of a constant speed from the median speed in motion."""
 
 
@@ -75,9 +75,9 @@ def _speeds(time: Array, position: Array) -> Array:
 def _regimes(speed: Array) -> tuple[np.ndarray, np.ndarray, float]:
     """Masks `(n,)` of motion and of constant speed, and this speed, the median in motion."""
     sizes = np.abs(speed)
-    moving = sizes > STANDSTILL * sizes.max()
+    moving = sizes > STANDSTILL_SPEED_SHARE * sizes.max()
     usual = float(np.median(sizes[moving])) if moving.any() else 0.0
-    return moving, moving & (np.abs(sizes - usual) <= STEADY * usual), usual
+    return moving, moving & (np.abs(sizes - usual) <= STEADY_SPEED * usual), usual
 
 
 def _directions(speed: Array, moving: np.ndarray) -> Array:

@@ -32,9 +32,9 @@ from kinematics.user_error import UserError
 ANGLE, DEVIATION, PLANE, FEED, DIRECTION, RUN = "angle_deg", "deviation_um", "plane", "feed", "direction", "run"
 PLANES = {"XY": (0, 1), "YZ": (1, 2), "ZX": (2, 0)}
 KNOWN = (ANGLE, DEVIATION, RADIUS, RUN, FEED, PLANE, DIRECTION, "time_s")
-LARGEST_UM = 2000.0
+LARGEST_BALLBAR_UM = 2000.0
 """Deviation from which a row is no deviation in um."""
-LARGEST_STEP = 30.0
+LARGEST_ANGLE_STEP_DEG = 30.0
 """Angle between rows of a run, degrees, from which the order of rows does not show the direction."""
 
 
@@ -89,8 +89,8 @@ def _readings(table: Table) -> Array:
     if RADIUS in table.names:
         return table.numbers([RADIUS])[RADIUS]
     deviation = table.numbers([DEVIATION])[DEVIATION]
-    if np.any(np.abs(deviation) > LARGEST_UM):
-        row = int(np.argmax(np.abs(deviation) > LARGEST_UM))
+    if np.any(np.abs(deviation) > LARGEST_BALLBAR_UM):
+        row = int(np.argmax(np.abs(deviation) > LARGEST_BALLBAR_UM))
         table.fault(row, DEVIATION, f"{deviation[row]:g} um is no deviation of a circle; distances are {RADIUS}")
     return np.asarray(_entry(table, LENGTH, "150") + 1e-3 * deviation)
 
@@ -144,9 +144,9 @@ def _check_order(table: Table, angles: Array, runs: np.ndarray) -> None:
         if len(rows) < 2:
             continue
         steps = (np.diff(angles[rows]) + 180.0) % 360.0 - 180.0
-        wide = np.flatnonzero(np.abs(steps) > LARGEST_STEP)
+        wide = np.flatnonzero(np.abs(steps) > LARGEST_ANGLE_STEP_DEG)
         turned = np.flatnonzero(np.sign(steps) != np.sign(np.median(steps)))
-        for which, why in ((wide, f"a step of more than {LARGEST_STEP:g} degrees"), (turned, "a step back")):
+        for which, why in ((wide, f"a step of more than {LARGEST_ANGLE_STEP_DEG:g} degrees"), (turned, "a step back")):
             if len(which):
                 row = int(rows[which[0] + 1])
                 table.fault(row, ANGLE, f"{why} in run {run}: rows must be in the order of acquisition")

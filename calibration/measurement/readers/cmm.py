@@ -21,7 +21,7 @@ from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
 _NAME = re.compile(r"(?:Meas|Nom|Err)\s+[XYZD]|Round", re.I)
-ROUNDING = 2.5e-3
+CMM_ROUNDING_MM = 2.5e-3
 """Largest difference, mm, of Err from Meas - Nom, because each of these is rounded to um."""
 
 
@@ -48,7 +48,7 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
         for letter in axes:
             nominal, measured = row[f"nom {letter}"], row[f"meas {letter}"]
             error = row.get(f"err {letter}", measured - nominal)
-            if abs(measured - nominal - error) > ROUNDING:
+            if abs(measured - nominal - error) > CMM_ROUNDING_MM:
                 raise UserError(f"{where}: Err {letter.upper()} is {error:g}, Meas - Nom is {measured - nominal:.4g}")
             columns[f"nominal_{letter}"].append(repr(nominal))
             columns[letter].append(repr(measured))

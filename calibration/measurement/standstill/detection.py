@@ -20,15 +20,15 @@ BLOCK_S, BLOCK_READINGS = 0.025, 5
 """Duration of a block, s, and its least number of readings."""
 SHORTEST_S = 0.2
 """Shortest duration of a standstill, s."""
-RADIUS = 0.02
+STANDSTILL_RADIUS_MM = 0.02
 """Largest radius of a standstill, mm, unless the noise of the blocks is larger."""
 OF_NOISE = 6.0
 """Radius of a standstill in standard deviations of a block's median."""
 CREEP = 0.005
 """Speed, mm/s, up to which a target counts as at standstill."""
-DRIFT = 0.003
+CREEPING_MM = 0.003
 """Drift within a standstill, mm, up to which it does not count as creeping."""
-AWAY = 0.5
+EXCURSION_MM = 0.5
 """Excursion between two standstills at one position, mm, below which it is a disturbance, not a move."""
 GAP_READINGS = 5.0
 """Gap that interrupts the stream, in median intervals of the readings."""
@@ -103,7 +103,7 @@ class _Part(NamedTuple):
     end: int
 
 
-def find_standstills(stream: Stream, where: str, radius: float = RADIUS) -> Found:
+def find_standstills(stream: Stream, where: str, radius: float = STANDSTILL_RADIUS_MM) -> Found:
     """The standstills of a stream; UserError, naming `where`, if it is not a stream."""
     interval = _interval(stream, where)
     noise = _noise(stream.points)
@@ -212,7 +212,7 @@ def _one_standstill(blocks: _Blocks, before: _Part, after: _Part, radius: float)
     again = np.median(blocks.points[after.first : after.end], axis=0)
     between = blocks.points[before.end : after.first]
     near = float(np.linalg.norm(again - centre)) < radius
-    return near and bool(np.all(np.linalg.norm(between - centre, axis=1) < AWAY))
+    return near and bool(np.all(np.linalg.norm(between - centre, axis=1) < EXCURSION_MM))
 
 
 def _lasts(blocks: _Blocks, rows: np.ndarray) -> bool:
@@ -229,7 +229,7 @@ def _steady(blocks: _Blocks, rows: np.ndarray) -> np.ndarray:
                 return np.empty(0, int)
             drift, u = _drift(blocks, kept)
             drift_mm, time = float(np.linalg.norm(drift)), float(blocks.time[kept[-1]] - blocks.time[kept[0]])
-            if drift_mm <= max(3.0 * u, DRIFT, CREEP * time):
+            if drift_mm <= max(3.0 * u, CREEPING_MM, CREEP * time):
                 return kept
     return np.empty(0, int)
 

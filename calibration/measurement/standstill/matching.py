@@ -17,9 +17,9 @@ import numpy as np
 from calibration.registration.registration import rigid
 from kinematics.transforms import Array, Pose, turn
 
-NEAR, NEAR_PER_MM = 1.0, 3e-4
+NEAR_PLAN_MM, NEAR_PLAN_PER_MM = 1.0, 3e-4
 """Limit, mm, and mm per mm of the plan's extent: standstills farther from every position are not in the plan."""
-NEAREST = 0.05
+LEAST_TOLERANCE_MM = 0.05
 """Smallest tolerance for the distance of a standstill from its position, mm."""
 OF_TYPICAL = 6.0
 """Largest distance of a standstill from its position, as a multiple of the typical distance."""
@@ -31,9 +31,9 @@ SKIPS = 4
 """Largest number of successive standstills or positions that are left out at a cost of `SKIP` each."""
 SKIP, RESTART = 0.3, 2.0
 """Cost of leaving out one standstill or position; cost of continuing at any position. The gain of a pair is 1."""
-ROUNDS = 8
+MATCHING_ROUNDS = 8
 TRIALS = 400
-MARGIN = 0.5
+UNCERTAIN_LOSS_PAIRS = 0.5
 """Loss of another assignment, in pairs; if it is smaller, the present assignment is uncertain."""
 
 
@@ -62,7 +62,7 @@ class Positions(NamedTuple):
     @property
     def near(self) -> float:
         """Largest distance of a standstill from its position by errors of the machine, mm."""
-        return NEAR + NEAR_PER_MM * float(np.linalg.norm(np.ptp(self.points, axis=0)))
+        return NEAR_PLAN_MM + NEAR_PLAN_PER_MM * float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     @property
     def known(self) -> np.ndarray:
@@ -204,7 +204,7 @@ def _refined(
     """Pose, targets and tolerances `(m,)` from all assigned standstills, iterated until the assignment is constant."""
     tolerance = np.where(positions.known, positions.near, GUESS)
     before: np.ndarray | None = None
-    for _ in range(ROUNDS):
+    for _ in range(MATCHING_ROUNDS):
         position, _ = _assigned(_scores(standstills, positions, allowed, pose, tolerance), positions.state)
         rows = np.flatnonzero(position >= 0)
         if len(rows) < 4:
@@ -214,7 +214,7 @@ def _refined(
         before = position
         pose, positions = _posed(standstills, positions, position, rows)
         away = np.linalg.norm(pose.apply(positions.points[position[rows]]) - standstills[rows], axis=1)
-        own = float(np.clip(OF_TYPICAL * np.median(away), NEAREST, positions.near))
+        own = float(np.clip(OF_TYPICAL * np.median(away), LEAST_TOLERANCE_MM, positions.near))
         tolerance = np.full(len(positions.target), own)
     return pose, positions, tolerance
 
@@ -224,7 +224,7 @@ def _posed(standstills: Array, positions: Positions, position: np.ndarray, rows:
     known = rows[positions.known[position[rows]]]
     use = known if len(known) >= 4 else rows
     arms_of = dict(positions.arms_of)
-    for _ in range(1 if len(known) == len(rows) else ROUNDS):
+    for _ in range(1 if len(known) == len(rows) else MATCHING_ROUNDS):
         pose = rigid(positions.points[position[use]], standstills[use])
         back = pose.inverse().apply(standstills[rows])
         arms = turn(np.swapaxes(positions.turns[position[rows]], 1, 2), back - positions.base[position[rows]])
@@ -263,8 +263,8 @@ def _assigned(score: Array, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     position = _traced(before, score)
     certain = np.ones(len(score), bool)
     for i in np.flatnonzero(position >= 0).tolist():
-        rivals = (state != state[position[i]]) & (total[i] > best - MARGIN)
-        others = total[:, position[i]] > best - MARGIN
+        rivals = (state != state[position[i]]) & (total[i] > best - UNCERTAIN_LOSS_PAIRS)
+        others = total[:, position[i]] > best - UNCERTAIN_LOSS_PAIRS
         others[i] = False
         certain[i] = not (rivals.any() or others.any())
     return position, certain

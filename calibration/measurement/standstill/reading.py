@@ -13,7 +13,7 @@ from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan
-from calibration.measurement.standstill.detection import RADIUS, Found, Stream, find_standstills
+from calibration.measurement.standstill.detection import STANDSTILL_RADIUS_MM, Found, Stream, find_standstills
 from calibration.measurement.standstill.matching import Matched, Positions, match
 from calibration.measurement.states import CARRIERS, read_stands_on
 from calibration.measurement.text_table import Table, read_table, table_of
@@ -24,9 +24,9 @@ from kinematics.user_error import UserError
 
 COLUMNS = ("time_s", "x", "y", "z", "target", "station")
 """Columns of a log, in addition to temperatures; the plan contains the other columns."""
-SHORT = 0.5
+SHORT_DURATION_SHARE = 0.5
 """Share of the median duration below which a standstill is listed."""
-LISTED = 12
+LISTED_STANDSTILLS = 12
 """Largest number of lines of each kind in the notes."""
 LEAST_SHARE = 0.5
 """Least share of the standstills that belong to the plan; below it the log is of another plan."""
@@ -173,7 +173,7 @@ def _radius(positions: Positions) -> float:
     """Radius of a standstill, mm: at most a quarter of the shortest step of the plan."""
     steps = np.linalg.norm(np.diff(positions.points, axis=0), axis=1)
     steps = steps[steps > 1e-6]
-    return float(min(RADIUS, steps.min() / 4.0)) if len(steps) else RADIUS
+    return float(min(STANDSTILL_RADIUS_MM, steps.min() / 4.0)) if len(steps) else STANDSTILL_RADIUS_MM
 
 
 def _no_match(found: Found, positions: Positions) -> str:
@@ -242,9 +242,9 @@ def _notes(log: Table, station: _Station, plan: Plan) -> Iterator[str]:
         "short standstill, used": _short(station, plan),
     }
     for kind, lines in kinds.items():
-        yield from (f"{kind}: {line}" for line in lines[:LISTED])
-        if len(lines) > LISTED:
-            yield f"{kind}: ... and {len(lines) - LISTED} more"
+        yield from (f"{kind}: {line}" for line in lines[:LISTED_STANDSTILLS])
+        if len(lines) > LISTED_STANDSTILLS:
+            yield f"{kind}: ... and {len(lines) - LISTED_STANDSTILLS} more"
 
 
 def _typical(values: Array) -> float:
@@ -277,7 +277,7 @@ def _foreign(station: _Station) -> list[str]:
 def _short(station: _Station, plan: Plan) -> list[str]:
     standstills, used = station.found.standstills, station.used
     lasts = standstills.end[used] - standstills.start[used]
-    short = np.flatnonzero(lasts < SHORT * np.median(lasts)) if len(used) else used
+    short = np.flatnonzero(lasts < SHORT_DURATION_SHARE * np.median(lasts)) if len(used) else used
     return [f"{_name(plan, station.plan_rows[i])}, {lasts[i]:.2f} s" for i in short.tolist()]
 
 

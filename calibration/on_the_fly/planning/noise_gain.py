@@ -28,17 +28,17 @@ from kinematics.transforms import Array, by_turn, read_only
 from kinematics.turn import columns_of
 
 NODE_MM = 50.0
-"""Node spacing of the error motions of linear axes, mm; larger on long axes, which have MOST_NODES nodes."""
-MOST_NODES, HARMONICS = 13, 2
+"""Node spacing of the error motions of linear axes, mm; larger on long axes, which have `GAIN_NODES` nodes."""
+GAIN_NODES, GAIN_HARMONICS = 13, 2
 PRIOR = 200.0
 """Prior standard deviation of the error motions, um and urad, so that unidentifiable directions count."""
-SAMPLE_MM = 12.0
+LARGEST_CELL_MM = 12.0
 """Largest distance, mm, of the positions on a move that represent its cells."""
-GRID, SCATTERED = 9, 600
+GAIN_GRID_POSITIONS, GAIN_RANDOM_POSITIONS = 9, 600
 """Positions in the volume: grid points per axis for up to three axes; number of random positions for more axes."""
-UNIDENTIFIABLE = 1e-9
+UNIDENTIFIABLE_INFORMATION = 1e-9
 """Information in a direction, relative to the best direction, below which it is unidentifiable."""
-ROUNDING = 1e-15
+ROUNDING_OF_SQUARE = 1e-15
 """Mean square of a deviation, relative to the largest, that is rounding error."""
 RELEVANT_UM = 1e-3
 """Deviation in the volume, um, by one prior standard deviation of a hidden direction; below, only the frame moves."""
@@ -99,7 +99,7 @@ class Volume:
             chords = np.diff(tool_point(self.machine, along, tool).reshape(len(moves), 9, 3), axis=1)
             lengths = np.linalg.norm(chords, axis=2).sum(axis=1)
             used = lengths - 2.0 * self.corner_mm
-            counts = np.where(used > 0.0, np.maximum(np.ceil(used / SAMPLE_MM), 2), 0).astype(int)
+            counts = np.where(used > 0.0, np.maximum(np.ceil(used / LARGEST_CELL_MM), 2), 0).astype(int)
             move, lasts = np.repeat(np.arange(len(moves)), counts), np.cumsum(counts)
             number = np.arange(len(move)) - (lasts - counts)[move]
             at = (self.corner_mm + (number + 0.5) * used[move] / counts[move]) / lengths[move]
@@ -112,7 +112,7 @@ class Volume:
     def noise_gain(self, information: Array) -> NoiseGain:
         """Identifiability from moves whose information adds up to `(6 + p, 6 + p)`."""
         reduced = _without_registration(information)
-        root, null, _ = pseudo_inverse(reduced, UNIDENTIFIABLE)
+        root, null, _ = pseudo_inverse(reduced, UNIDENTIFIABLE_INFORMATION)
         relevant = np.linalg.eigvalsh(null.T @ self._squares @ null)
         covariance = root @ root.T
         # variances of the aligned coordinates, um2
@@ -169,7 +169,7 @@ class Volume:
         columns = columns - motions @ np.linalg.lstsq(motions, columns, rcond=1e-12)[0]
         squares = columns.T @ columns / len(columns)
         values, vectors = np.linalg.eigh(squares)
-        present = values > values[-1] * ROUNDING
+        present = values > values[-1] * ROUNDING_OF_SQUARE
         self._root = vectors[:, present] * np.sqrt(values[present])
         return columns.reshape(design.shape), squares
 
@@ -193,8 +193,8 @@ def _motions(machine: Machine, ends: Array) -> list[ErrorMotion]:
     found = []
     for axis, (low, high) in zip(machine.axes, (ends / machine.scale).T.tolist(), strict=True):
         if high > low:
-            nodes = min(max(round((high - low) / NODE_MM) + 1, 3), MOST_NODES)
-            choice = BasisChoice("fourier", HARMONICS) if axis.rotary else BasisChoice("b-spline", nodes)
+            nodes = min(max(round((high - low) / NODE_MM) + 1, 3), GAIN_NODES)
+            choice = BasisChoice("fourier", GAIN_HARMONICS) if axis.rotary else BasisChoice("b-spline", nodes)
             basis = choice.over((low, high))
             found += [ErrorMotion(each, axis.name, basis, (0.0,) * basis.size) for each in COMPONENTS]  # type: ignore[arg-type]
     return found
@@ -204,9 +204,9 @@ def _grid_positions(machine: Machine, ends: Array) -> Array:
     """Positions `(n, axes)`, mm and rad, that cover the volume."""
     moving = np.flatnonzero(np.ptp(ends, axis=0) > 0.0)
     if len(moving) > 3:
-        share = np.random.default_rng(0).uniform(size=(SCATTERED, len(machine.axes)))
+        share = np.random.default_rng(0).uniform(size=(GAIN_RANDOM_POSITIONS, len(machine.axes)))
         return np.asarray(ends[0] + share * (ends[1] - ends[0]))
-    ticks = [np.linspace(ends[0, i], ends[1, i], GRID) for i in moving]
-    positions = np.tile(ends[0], (GRID ** len(moving), 1))
+    ticks = [np.linspace(ends[0, i], ends[1, i], GAIN_GRID_POSITIONS) for i in moving]
+    positions = np.tile(ends[0], (GAIN_GRID_POSITIONS ** len(moving), 1))
     positions[:, moving] = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(moving))
     return positions

@@ -19,13 +19,13 @@ from calibration.on_the_fly.planning.noise_gain import NoiseGain, Volume
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-STARTS, TRIES = 12, 1500
+RANDOM_PATHS, IMPROVEMENT_TRIES = 12, 1500
 """Number of random paths, and number of attempts to improve the best of them."""
-LARGEST_STEP, SMALLEST_STEP = 0.5, 0.05
+FIRST_SHIFT_SHARE, LAST_SHIFT_SHARE = 0.5, 0.05
 """Standard deviation of a corner's shift, as a share of the travel: at the first and at the last attempt."""
-DECIMALS = 3
+CORNER_DECIMALS = 3
 """Decimals of the corners, in mm and degrees."""
-SHORTEST = 3
+PATH_MOVES = 3
 """Least number of moves of a path."""
 
 
@@ -55,19 +55,21 @@ def best_path(
 ) -> PlannedPath:
     """The best path found, no longer than `length_mm`; the same generator gives the same path.
 
-    `progress` is called once per attempt. UserError if no path of SHORTEST moves has this length.
+    `progress` is called once per attempt. UserError if no path of `PATH_MOVES` moves has this length.
     """
     generator = _Generator(volume, length_mm, rng)
     best, score = None, np.inf
-    for _ in range(STARTS):
+    for _ in range(RANDOM_PATHS):
         draft = generator.random()
         own = volume.score(draft.total)
         if own < score:
             best, score = draft, own
         progress(1)
     assert best is not None
-    for k in range(TRIES):
-        changed = generator.changed(best, LARGEST_STEP * (SMALLEST_STEP / LARGEST_STEP) ** (k / TRIES))
+    for k in range(IMPROVEMENT_TRIES):
+        changed = generator.changed(
+            best, FIRST_SHIFT_SHARE * (LAST_SHIFT_SHARE / FIRST_SHIFT_SHARE) ** (k / IMPROVEMENT_TRIES)
+        )
         own = volume.score(changed.total)
         if own < score:
             best, score = changed, own
@@ -103,9 +105,9 @@ class _Generator:
                 continue
             corners.append(corner)
             length += step
-        if len(corners) <= SHORTEST:
+        if len(corners) <= PATH_MOVES:
             raise UserError(
-                f"a path of {self._length * 1e-3:.3g} m is too short: not even {SHORTEST} moves across this volume"
+                f"a path of {self._length * 1e-3:.3g} m is too short: not even {PATH_MOVES} moves across this volume"
             )
         return self._draft(corners, None)
 
@@ -160,5 +162,5 @@ class _Generator:
         return self._rounded(share)
 
     def _rounded(self, share: Array) -> Array:
-        corner = np.round(self._low + share * (self._high - self._low), DECIMALS)
+        corner = np.round(self._low + share * (self._high - self._low), CORNER_DECIMALS)
         return np.asarray(np.clip(corner, self._low, self._high) * self._volume.machine.scale)

@@ -16,12 +16,12 @@ from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, across_path
 from calibration.on_the_fly.nominal_path import NominalPath, target_path
 from calibration.on_the_fly.planning.noise_gain import PRIOR, NoiseGain, Volume
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
-from kinematics.effects.geometric import TYPICAL
+from kinematics.effects.geometric import TYPICAL_MOTION_UM
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-AWAY_MM = 2000.0
+ASSUMED_TRACKER_MM = 2000.0
 """Distance of the assumed tracker from the path in each coordinate, mm."""
 
 
@@ -48,7 +48,7 @@ def evaluated_path(path: NominalPath, targets: Mapping[str, Target]) -> PathEval
     if not total.any():
         raise UserError(f"{path.source}: no feed move is longer than the {2 * CORNER_MM:g} mm left out at its corners")
     ideal = _ideal(path, targets)
-    found = fit(ideal, volume.model, prior=priors(volume.model) * (PRIOR / TYPICAL))
+    found = fit(ideal, volume.model, prior=priors(volume.model) * (PRIOR / TYPICAL_MOTION_UM))
     length = float(np.diff(path.feed_distance)[moves].sum())
     return PathEvaluation(
         volume.noise_gain(total),
@@ -70,7 +70,7 @@ def _ideal(path: NominalPath, targets: Mapping[str, Target]) -> Measurement:
         located = target_course.at(s)
         parts.append((target_course.positions_at(s), located.points, located.tangents, s, np.full(len(s), name)))
     positions, points, tangents, s, names = (np.concatenate(column) for column in zip(*parts, strict=True))
-    observed = points - points.min(axis=0) + AWAY_MM
+    observed = points - points.min(axis=0) + ASSUMED_TRACKER_MM
     across = AcrossPath(across_path(tangents, observed), np.ones(len(s)), path.ends, s)
     state = with_moves(State(positions, target=names, observed=observed))
     tracker = LaserTracker(u_range_um=1.0, u_angle_um=1.0)

@@ -20,9 +20,9 @@ from kinematics.effects.base import own_component
 from kinematics.error_model.model import no_errors
 from kinematics.transforms import blocks
 
-UNIDENTIFIABLE = 0.01
+UNIDENTIFIABLE_DISPLACEMENT = 0.01
 """Share of the displacement across the path below which the mode is unidentifiable."""
-SHAPES = ((0.0, 1.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0, 0.0, -1.0))
+MODE_SHAPES = ((0.0, 1.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0, 0.0, -1.0))
 """u (1 - u2) and u3 (1 - u2), as coefficients of powers of u."""
 
 
@@ -37,8 +37,8 @@ def common_odd_mode(measurement: Measurement, registration: Registration) -> str
     }  # fmt: skip
     if len(moving) < 2:
         return None
-    shares = [_share_across(measurement, registration, moving, shape) for shape in SHAPES]
-    if max(shares) > UNIDENTIFIABLE:
+    shares = [_share_across(measurement, registration, moving, shape) for shape in MODE_SHAPES]
+    if max(shares) > UNIDENTIFIABLE_DISPLACEMENT:
         return None
     names = [f"E_{own_component(axis)}{axis}" for axis in sorted(moving)]
     return (

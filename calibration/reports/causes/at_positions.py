@@ -10,7 +10,7 @@ from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 
-ALONG, CORNERS = 5, 2
+POSITIONS_OF_ONE_AXIS, POSITIONS_OF_TWO_AXES = 5, 2
 """Positions along the range of one axis, and along each of two axes."""
 
 
@@ -22,7 +22,7 @@ def at_positions(machine: Machine, effect: Effect, covariance: Array) -> list[st
     if not effect.COEFFICIENTS:
         return []
     names = [name for name in effect.intervals if name in machine.names]
-    count = ALONG if len(names) == 1 else CORNERS
+    count = POSITIONS_OF_ONE_AXIS if len(names) == 1 else POSITIONS_OF_TWO_AXES
     ends = [np.linspace(*effect.intervals[name], count) for name in names]
     places = np.stack([each.ravel() for each in np.meshgrid(*ends, indexing="ij")], axis=1)
     q = np.zeros((len(places), len(machine.axes)))

@@ -29,13 +29,13 @@ from rendering.figures import (
 )
 
 MEANS = COLOURS[:2]
-MEANS_ALONG = 24
+CAUSE_MEANS = 24
 SHARE = "% of the squared residuals of the model without these causes, in units of the noise"
 PER_CELL, FEWEST_CELLS, MOST_CELLS = 12, 4, 10
 """Mean number of rows in a cell of a map; least and most cells along each of its axes."""
-PER_MEAN = 4
+CAUSE_ROWS_OF_MEAN = 4
 """Least number of rows of a mean."""
-OUTER = 1.0
+CAUSE_OUTSIDE_PERCENT = 1.0
 """Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
@@ -88,7 +88,11 @@ def _panel(view: View) -> Panel:
 
 def _limits(view: View, certain: np.ndarray) -> tuple[float, float]:
     """Limits of the y axis: nearly all points, and all of the fitted cause."""
-    inner = np.percentile(view.y[certain], (OUTER, 100.0 - OUTER)) if certain.any() else np.zeros(1)
+    inner = (
+        np.percentile(view.y[certain], (CAUSE_OUTSIDE_PERCENT, 100.0 - CAUSE_OUTSIDE_PERCENT))
+        if certain.any()
+        else np.zeros(1)
+    )
     drawn = np.concatenate([inner, view.fitted[certain], *(curve.y for curve in view.curves)])
     low, high = float(drawn.min()), float(drawn.max())
     margin = 0.08 * (high - low) or 1.0
@@ -101,10 +105,10 @@ def _means(view: View, rows: np.ndarray) -> Iterator[tuple[float, float, float]]
         return
     numbers = np.flatnonzero(rows)
     distinct = np.unique(np.round(view.x[numbers], 9))
-    if len(distinct) <= MEANS_ALONG:
+    if len(distinct) <= CAUSE_MEANS:
         cells = np.searchsorted(distinct, np.round(view.x[numbers], 9))
     else:
-        count = min(MEANS_ALONG, max(len(numbers) // PER_MEAN, 1))
+        count = min(CAUSE_MEANS, max(len(numbers) // CAUSE_ROWS_OF_MEAN, 1))
         edges = np.quantile(view.x[numbers], np.linspace(0, 1, count + 1)[1:-1])
         cells = np.searchsorted(edges, view.x[numbers], side="right")
     for cell in np.unique(cells):

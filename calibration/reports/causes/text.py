@@ -9,10 +9,10 @@ from typing import Protocol
 from kinematics.effects import Effect, Parameter
 from rendering.report import shortened
 
-MANY = 8
+MOST_PRINTED_PARAMETERS = 8
 """Most parameters of a cause that are printed; the JSON has all."""
-COVERAGE = 2
-WAVES = 3
+COVERAGE_FACTOR = 2
+MOST_PRINTED_WAVES = 3
 """Most waves of a cause that are printed."""
 REMEDIES = {
     "program": "The corrected program (ncomp) compensates it; a table of one axis cannot.",
@@ -97,12 +97,16 @@ def sizes(cause: Told) -> list[str]:
     table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
     listed = [row for row in table if not (row[0].held or (effect.waves and row[0].linear))]
     texts = [f"{_label(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in listed]
-    return [*shortened(effect.waves, WAVES, "waves"), *shortened(texts, MANY, "parameters"), *effect.conditions]
+    return [
+        *shortened(effect.waves, MOST_PRINTED_WAVES, "waves"),
+        *shortened(texts, MOST_PRINTED_PARAMETERS, "parameters"),
+        *effect.conditions,
+    ]
 
 
 def with_uncertainty(value: float, u: float) -> str:
     """A value with its expanded uncertainty, rounded to two digits of the latter; `u` is the standard uncertainty."""
-    expanded = COVERAGE * u
+    expanded = COVERAGE_FACTOR * u
     if not 0.0 < expanded < math.inf:
         return f"{value:.4g}"
     digits = max(1 - math.floor(math.log10(expanded)), 0)

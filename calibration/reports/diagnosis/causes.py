@@ -49,7 +49,7 @@ def cause_sections(answer: Diagnosis) -> Iterator[Section]:
     head = (
         "number",
         "cause",
-        f"size ± U (k={words.COVERAGE})",
+        f"size ± U (k={words.COVERAGE_FACTOR})",
         "at the tool point",
         "odds",
         held_out,

@@ -14,7 +14,7 @@ from calibration.reports.diagnosis.registered import registered_rows
 from calibration.reports.machine_change import machine_change_json
 from calibration.reports.separability import separability_json
 
-LARGEST = 700.0
+LARGEST_LOG_ODDS = 700.0
 """Largest logarithm of odds whose odds are a number."""
 
 
@@ -110,6 +110,6 @@ def _unexplained(answer: Diagnosis) -> dict[str, Any] | None:
         return None
     return {
         "variables": list(dict.fromkeys(variable for each in some for variable in each.variables)),
-        "p_value": 1.0 / (1.0 + math.exp(min(max(each.log_odds for each in some), LARGEST))),
+        "p_value": 1.0 / (1.0 + math.exp(min(max(each.log_odds for each in some), LARGEST_LOG_ODDS))),
         "rms_um": answer.rms_of(some),
     }

@@ -11,7 +11,7 @@ from calibration.diagnosis.conclusion.guard import in_units
 from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.diagnosis.conclusion.verdict import Judged
 from calibration.gaussian_terms.structure import Structure
-from kinematics.state import REFERENCE, TEMPERATURE, TIME
+from kinematics.state import REFERENCE_TEMPERATURE_DEGC, TEMPERATURE, TIME
 from kinematics.transforms import Array
 from rendering.figures import (
     AFTER,
@@ -31,9 +31,9 @@ from rendering.figures import (
 )
 
 APPROACHES = ((1, "forward"), (-1, "backward"), (0, "not known"))
-MEANS_ALONG, PER_MEAN = 16, 8
+MOST_MEANS, ROWS_OF_MEAN = 16, 8
 """Most means along a variable, and least number of rows of a mean."""
-OUTER = 0.5
+OUTSIDE_PERCENT = 0.5
 """Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
@@ -43,7 +43,7 @@ def before_and_after(answer: Diagnosis) -> Figure:
     rows = some(kept)
     values = [_residual(structure) for structure in (answer.bare, answer.structure)]
     names = "xyz" if values[0].shape[1] > 1 else [""]
-    low, high = np.percentile(values[0][rows], (OUTER, 100 - OUTER))
+    low, high = np.percentile(values[0][rows], (OUTSIDE_PERCENT, 100 - OUTSIDE_PERCENT))
     limits = [1.2 * min(low, -1e-3), 1.2 * max(high, 1e-3)]
     panels = []
     for label, x in _along(answer):
@@ -136,7 +136,7 @@ def _variable(answer: Diagnosis, name: str) -> tuple[str, Array] | None:
     if name in machine.names:
         return f"{name}, {machine.axes[machine.index(name)].unit}", state.position(machine, name)
     if name.startswith(TEMPERATURE):
-        return f"{name}, degC", np.asarray(state.variable(machine, name, name) + REFERENCE)
+        return f"{name}, degC", np.asarray(state.variable(machine, name, name) + REFERENCE_TEMPERATURE_DEGC)
     return _reading(state.observed, name)
 
 
@@ -154,5 +154,5 @@ def _reading(observed: Array | None, name: str) -> tuple[str, Array] | None:
 
 def _means(x: Array, y: Array) -> tuple[Array, Array]:
     """Means of adjacent rows along x."""
-    parts = np.array_split(np.argsort(x, kind="stable"), max(min(MEANS_ALONG, len(x) // PER_MEAN), 1))
+    parts = np.array_split(np.argsort(x, kind="stable"), max(min(MOST_MEANS, len(x) // ROWS_OF_MEAN), 1))
     return np.array([x[part].mean() for part in parts]), np.array([y[part].mean() for part in parts])

@@ -9,13 +9,13 @@ from functools import partial
 from calibration.diagnosis.conclusion.fitted_rows import by_direction
 from calibration.diagnosis.conclusion.functions import obstacle
 from calibration.diagnosis.conclusion.result import Diagnosis
-from calibration.fit.prediction import ARM, measures_angles
+from calibration.fit.prediction import LEVER_ARM_MM, measures_angles
 from calibration.reports.diagnosis.figures import against_noise, before_and_after, by_approach, function_figure
 from calibration.reports.diagnosis.verdict import function_name
 from kinematics.files.number_text import amount, rounded
 from rendering.report import Section, Table, facts, shortened
 
-LISTED = 8
+LISTED_RESIDUALS = 8
 """Most rows that are listed; the JSON has all."""
 OBSERVED = "Residuals are observed minus expected"
 OF_POINTS = ", in x, y, z of the part that carries the instrument"
@@ -65,7 +65,7 @@ def residual_sections(answer: Diagnosis) -> Iterator[Section]:
 
 def _volume(answer: Diagnosis) -> Iterator[str]:
     volume = answer.volume
-    lever = f"; tool point {ARM:g} mm off in x, y, z" if measures_angles(answer.measurement) else ""
+    lever = f"; tool point {LEVER_ARM_MM:g} mm off in x, y, z" if measures_angles(answer.measurement) else ""
     yield (
         f"Error of the machine over the measured positions, by the new model: {volume.machine_rms:.2f} um RMS, "
         f"{volume.machine_max:.1f} um at most (after the best common shift and rotation{lever})."
@@ -105,4 +105,4 @@ def left_out_section(answer: Diagnosis) -> Iterator[Section]:
     """The rows that are left out."""
     rows = [f"{answer.measurement.where(row)}: outlier" for row in answer.outliers]
     if rows:
-        yield Section("Left out", "\n".join(shortened(rows, LISTED, "outliers")))
+        yield Section("Left out", "\n".join(shortened(rows, LISTED_RESIDUALS, "outliers")))

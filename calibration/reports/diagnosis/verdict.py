@@ -22,11 +22,11 @@ SIMILAR = 3
 """Most causes that a sentence lists in the place of one."""
 CAUSES = 4
 """Most causes in the first sentences; the table has all."""
-LISTED = 4
+LISTED_LEFT_OUT = 4
 """Most rows that are listed as left out; the JSON has all."""
-FAR = 2.0
+NOTED_NOISE_FACTOR = 2.0
 """Factor between noise and specification from which a sentence says so: data sheets are safe by about as much."""
-PERIODS = 8
+LISTED_PERIODS = 8
 """Most periods that a sentence lists."""
 
 
@@ -94,18 +94,18 @@ def function_name(each: Judged) -> str:
         return each.term.name
     axis = each.term.where or ""
     unit = "deg" if axis[:1] in ("A", "B", "C") else "mm"
-    periods = shortened([_period(period, unit) for period in sorted(each.periods)], PERIODS, "periods")
+    periods = shortened([_period(period, unit) for period in sorted(each.periods)], LISTED_PERIODS, "periods")
     return f"a wave along {axis} whose period is open: {', '.join(periods)} {unit}"
 
 
 def _period(period: float, unit: str) -> str:
     """A period; of a rotary axis with its order, where that is a whole number."""
     order = 360.0 / period
-    whole = unit == "deg" and round(order) > 0 and abs(order / round(order) - 1.0) < WHOLE
+    whole = unit == "deg" and round(order) > 0 and abs(order / round(order) - 1.0) < ORDER_DIFFERENCE
     return f"{period:.4g}" + (f" ({round(order)} per turn)" if whole else "")
 
 
-WHOLE = 1e-3
+ORDER_DIFFERENCE = 1e-3
 """Relative difference of a period from a whole part of the turn up to which its order is given."""
 
 
@@ -130,7 +130,7 @@ def _given(answer: Diagnosis) -> Iterator[str]:
 def _noise(answer: Diagnosis) -> Iterator[str]:
     """A sentence where the noise is far from the specification of the instrument."""
     factor = math.sqrt(answer.structure.noise.factor)
-    if not 1.0 / FAR < factor < FAR:
+    if not 1.0 / NOTED_NOISE_FACTOR < factor < NOTED_NOISE_FACTOR:
         yield (
             f"The residuals contradict the stated uncertainty of the instrument: the noise is {rounded(factor, 2)} "
             "times as large. The diagnosis uses the noise that the data show."

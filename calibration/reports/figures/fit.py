@@ -24,9 +24,9 @@ from rendering.figures import (
     some,
 )
 
-ACROSS = 3
+ERROR_MOTIONS_ACROSS = 3
 """Error motions side by side."""
-LEAST = 0.05
+PRACTICALLY_ZERO_UM = 0.05
 """Range of the error, um and urad, of an error motion that is practically zero."""
 
 
@@ -34,7 +34,7 @@ def error_motions_figure(model: ErrorModel) -> Figure:
     """The error motions with their uncertainties."""
     whole = np.array(model.covariance)
     panels = [_motion(effect, whole[part, part]) for effect, part in model.error_motions]
-    return grid(panels, ACROSS, height=220)
+    return grid(panels, ERROR_MOTIONS_ACROSS, height=220)
 
 
 def _motion(effect: ErrorMotion, own: Array) -> Panel:
@@ -45,8 +45,8 @@ def _motion(effect: ErrorMotion, own: Array) -> Panel:
     u = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", columns, own, columns), 0.0))
     y = columns @ effect.parameters
     band(panel, x, y, 2 * u)
-    if np.max(np.abs(y) + 2 * u) < LEAST:
-        panel.axes["yaxis"] = {"range": [-LEAST, LEAST]}
+    if np.max(np.abs(y) + 2 * u) < PRACTICALLY_ZERO_UM:
+        panel.axes["yaxis"] = {"range": [-PRACTICALLY_ZERO_UM, PRACTICALLY_ZERO_UM]}
     return panel
 
 

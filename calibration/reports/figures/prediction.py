@@ -7,22 +7,22 @@ import numpy as np
 from calibration.fit.prediction import Prediction
 from kinematics.forward import tool_point
 from kinematics.transforms import Array
-from rendering.figures import SCENE, Figure, Panel, Trace, colour_axis, some
+from rendering.figures import SCENE_HEIGHT_PX, Figure, Panel, Trace, colour_axis, some
 
-DRAWN = 600
+DRAWN_ROWS = 600
 """Most rows that are drawn."""
-LARGEST = 0.18
+LONGEST_CONE = 0.18
 """Length of the longest cone, as a share of the longest side of the volume."""
 
 
 def prediction_figure(prediction: Prediction) -> Figure:
     """Deviations of some of the rows as cones at their tool points."""
     deviation = prediction.deviation_um
-    rows = some(np.arange(len(deviation)), DRAWN)
+    rows = some(np.arange(len(deviation)), DRAWN_ROWS)
     points = tool_point(prediction.machine, prediction.state.positions[rows], prediction.tool[rows])
     panel = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[_cones(points, deviation[rows])])
     most = float(np.linalg.norm(deviation[rows], axis=1).max(initial=0.0))
-    return Figure([panel], height=SCENE, colours=colour_axis(0.0, most or 1.0, "deviation, um"))
+    return Figure([panel], height=SCENE_HEIGHT_PX, colours=colour_axis(0.0, most or 1.0, "deviation, um"))
 
 
 def _cones(points: Array, vectors: Array) -> Trace:
@@ -34,5 +34,5 @@ def _cones(points: Array, vectors: Array) -> Trace:
         float(np.linalg.norm(vectors, axis=1).max(initial=0.0)),
         float(np.ptp(points, axis=0).max(initial=0.0)),
     )
-    size = LARGEST * extent / most if most and extent else 1.0
+    size = LONGEST_CONE * extent / most if most and extent else 1.0
     return trace | {"hovertemplate": hover, "anchor": "tail", "sizemode": "raw", "sizeref": size}

@@ -22,7 +22,7 @@ from kinematics.transforms import Array
 Degree = Annotated[int, msgspec.Meta(ge=0, le=3)]
 SPINDLE = "Warm the spindle up, check its bearings and its cooling, or measure the tool again before finishing."
 HEAT = "Warm the machine up before measuring and cutting, shield it from draughts and coolant, or add a sensor."
-DRIFT = 20.0
+TYPICAL_DRIFT_UM = 20.0
 """um or urad, or um/m, per hour or in all: drift and growth of a machine in a workshop."""
 DISTORTION = 10.0
 """um or urad, per hour or in all: distortion of a machine in a workshop."""
@@ -40,7 +40,7 @@ class ThermalDrift(AtTool, WithTime, frozen=True, tag="thermal-drift"):
     TITLE = "thermal drift of the tool point with time (linear, exponential, two time constants)"
     CONTROL_PARAMETER = "growth"
     WORKSHOP = Workshop("Growth of spindle, column or head as the machine warms up.", SPINDLE)
-    QUANTITIES = WithTime.sizes(BY_DIRECTION, DRIFT)
+    QUANTITIES = WithTime.sizes(BY_DIRECTION, TYPICAL_DRIFT_UM)
 
     component: Component
 
@@ -55,7 +55,7 @@ class DriftWithSensor(AtTool, WithSensor, frozen=True, tag="thermal-drift-sensor
     TITLE = "thermal drift of the tool point with a temperature, with lag"
     DIAGNOSED_AS = "thermal-drift"
     WORKSHOP = Workshop("Growth of spindle, column or head with the temperature of a sensor.", SPINDLE)
-    QUANTITIES = WithSensor.sizes(BY_DIRECTION, DRIFT / 4)
+    QUANTITIES = WithSensor.sizes(BY_DIRECTION, TYPICAL_DRIFT_UM / 4)
 
     component: Component
 
@@ -101,7 +101,7 @@ class WorkpieceDrift(AtWorkpiece, WithTime, frozen=True, tag="thermal-drift-work
     DIAGNOSED_AS = "thermal-drift"
     CONTROL_PARAMETER = "growth"
     WORKSHOP = Workshop("The table, the fixture or the part warms up or relaxes.", HEAT)
-    QUANTITIES = WithTime.sizes("um", DRIFT)
+    QUANTITIES = WithTime.sizes("um", TYPICAL_DRIFT_UM)
 
     component: Direction
 
@@ -115,7 +115,7 @@ class WorkpieceDriftWithSensor(AtWorkpiece, WithSensor, frozen=True, tag="therma
     TITLE = "thermal drift of the workpiece's side with a temperature, with lag"
     DIAGNOSED_AS = "thermal-drift"
     WORKSHOP = Workshop("The table, the fixture or the part follows a temperature.", HEAT)
-    QUANTITIES = WithSensor.sizes("um", DRIFT / 4)
+    QUANTITIES = WithSensor.sizes("um", TYPICAL_DRIFT_UM / 4)
 
     component: Direction
 
@@ -130,7 +130,7 @@ class GrowthWithTime(AlongAxis, WithTime, frozen=True, tag="thermal-scale"):
     CONTROL_PARAMETER = "growth"
     WORKSHOP = Workshop("The screw or the scale of the axis warms up and grows.", HEAT)
     WORKSHOP_OF_ROTARY = Workshop("The drive or the encoder of the axis warms up.", HEAT)
-    QUANTITIES = WithTime.sizes("um/m", DRIFT)
+    QUANTITIES = WithTime.sizes("um/m", TYPICAL_DRIFT_UM)
 
     axis: str
     fixed_point: float = 0.0

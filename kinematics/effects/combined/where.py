@@ -30,7 +30,7 @@ from kinematics.state import State, general_state
 from kinematics.transforms import Array, by_turn, turn
 
 Direction = Literal["X", "Y", "Z"]
-ROUNDING = 1e-12
+ROUNDING_OF_DIRECTION = 1e-12
 """Component of a unit vector below which it is rounding."""
 SHUFFLED = "positions in shuffled order, or measured once more backwards, with times"
 SHUFFLED_WITH_HEAT = f"{SHUFFLED} and temperatures"
@@ -76,7 +76,7 @@ class AtWorkpiece:
         """See `Course.at_place`."""
         (anywhere,) = workpiece_direction(machine, general_state(machine), self.component)
         shares = workpiece_direction(machine, state, self.component)
-        for k in np.flatnonzero(np.abs(anywhere) > ROUNDING):
+        for k in np.flatnonzero(np.abs(anywhere) > ROUNDING_OF_DIRECTION):
             yield Columns(0, int(k), shares[:, [k]] * course * UM)
 
 

@@ -30,9 +30,9 @@ EPILOG = (
 )
 STRATEGY = "on-the-fly"
 """Name of the strategy in the file of the plan."""
-LENGTH = 12.7
+DEFAULT_PATH_TRAVELS = 12.7
 """Default length of a path, as a multiple of the sum of all travels: 21 m for 600 x 600 x 450 mm."""
-SHOWN = 6
+LISTED_HIDDEN_ERRORS = 6
 """Largest number of listed errors that are not visible."""
 
 
@@ -46,7 +46,10 @@ class PathOptions(VolumeOptions):
     )
     feed: float = option("Feed along the path, mm/min.", "mm/min", default=FEED, min=0.1, panel=POSITIONS)
     length_m: float | None = option(
-        f"Length of the path, m; default: {LENGTH} times the sum of all travels.", "m", min=0.01, panel=POSITIONS
+        f"Length of the path, m; default: {DEFAULT_PATH_TRAVELS} times the sum of all travels.",
+        "m",
+        min=0.01,
+        panel=POSITIONS,
     )
     minutes: float | None = option("Duration of the path at the feed, min.", "min", min=0.01, panel=POSITIONS)
     path: str | None = option(
@@ -59,7 +62,7 @@ class PathOptions(VolumeOptions):
             raise UserError("--length-m and --minutes exclude each other: give one of them")
         if self.minutes is not None:
             return self.minutes * self.feed
-        return LENGTH * travel if self.length_m is None else self.length_m * 1e3
+        return DEFAULT_PATH_TRAVELS * travel if self.length_m is None else self.length_m * 1e3
 
     def planned(self, machine: Machine, choices: Choices) -> NominalPath:
         """The best path of this length; the terminal shows the progress of the search."""
@@ -70,13 +73,13 @@ class PathOptions(VolumeOptions):
         from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM
         from calibration.on_the_fly.nominal_path import NominalPath
         from calibration.on_the_fly.planning.noise_gain import Volume
-        from calibration.on_the_fly.planning.path_search import STARTS, TRIES, best_path
+        from calibration.on_the_fly.planning.path_search import IMPROVEMENT_TRIES, RANDOM_PATHS, best_path
         from postproc.commands.show.terminal import progress_of
 
         ends = _ends(machine, choices)
         volume = Volume(machine, ends, choices.targets, CELL_MM, CORNER_MM)
         length = self.length(float(np.ptp(ends[:, ~machine.rotary], axis=0).sum()))
-        with progress_of(STARTS + TRIES, "searching for the best path", 0) as progress:
+        with progress_of(RANDOM_PATHS + IMPROVEMENT_TRIES, "searching for the best path", 0) as progress:
             corners = best_path(volume, length, np.random.default_rng(choices.seed), progress).corners
         feed_distance = np.concatenate([[0.0], np.cumsum([volume.length(a, b) for a, b in pairwise(corners)])])
         return NominalPath(machine, corners, feed_distance, np.ones(len(corners), bool), "the planned path")
@@ -150,7 +153,7 @@ def path_report(path: NominalPath, evaluation: PathEvaluation, feed: float, targ
         rows.append(("HIDDEN", f"{number} of the errors in the volume cannot be determined along this path"))
     if evaluation.unidentifiable_mode is not None:
         rows.append(("HIDDEN MODE", evaluation.unidentifiable_mode))
-    hidden = shortened(list(map(str, evaluation.unidentifiable)), SHOWN, "effects")
+    hidden = shortened(list(map(str, evaluation.unidentifiable)), LISTED_HIDDEN_ERRORS, "effects")
     rows += [("NOT VISIBLE", text) for text in hidden]
     return Report("Path", "", [facts("Path", rows)])
 

@@ -40,7 +40,7 @@ EPILOG = (
 TIP = (0.0, 0.0, -150.0)
 """Tip of the probe from the spindle nose if none is stated, mm."""
 DEFAULT_SPHERES = 3
-BACK = 0.2
+RETRACT_SHARE = 0.2
 """Way back between both touches, as a share of the clearance."""
 
 
@@ -111,7 +111,7 @@ class SphereOptions(UncertaintyOptions):
         """Feeds and work offset of the program."""
         from postproc.probing.sequence import ProbingSettings
 
-        return ProbingSettings(feed, self.probing_feed, self.measuring_feed, BACK * self.clearance, offset)
+        return ProbingSettings(feed, self.probing_feed, self.measuring_feed, RETRACT_SHARE * self.clearance, offset)
 
     def _distances(self, found: ProbePlan) -> Mapping[tuple[str, str], float]:
         stated = spheres_of((), self.distance).distances

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
 
-LONG = 200_000
+PROGRESS_OBSERVATIONS = 200_000
 """Smallest number of observations for which progress is shown."""
 
 EPILOG = (
@@ -104,7 +104,7 @@ def simulate(
     else:
         ballbar.refuse(str(instrument.instrument))
         summary = plan.summary
-        with progress_of(len(plan) * max(1, len(virtual.trackers)), "simulating", LONG) as progress:
+        with progress_of(len(plan) * max(1, len(virtual.trackers)), "simulating", PROGRESS_OBSERVATIONS) as progress:
             made = ncomp.simulate(plan, model, virtual, seed=seed, progress=progress)
     for note in made.notes:
         say("note", note)

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from calibration.simulation.measure_plan import VirtualInstrument
     from kinematics.error_model.model import ErrorModel
 
-LONG = 200_000
+PROGRESS_READINGS = 200_000
 """Smallest number of readings for which progress is shown."""
-MOST = 20_000_000
+MOST_READINGS = 20_000_000
 """Largest number of readings; more are a mistake in the options."""
 
 
@@ -94,10 +94,10 @@ def simulate_on_path(
     settings = [PathDynamics(feed, 1e3 * motion.acceleration, rate) for feed in motion.feed or (2500.0,)]
     passes = len(targets) * len(poses)
     seconds = passes * sum(duration(path, dynamics) for dynamics in settings)
-    if seconds * rate > MOST:
-        raise UserError(f"--rate {rate:g}: {seconds * rate:.3g} readings, more than {MOST}")
+    if seconds * rate > MOST_READINGS:
+        raise UserError(f"--rate {rate:g}: {seconds * rate:.3g} readings, more than {MOST_READINGS}")
     session = Session(path, settings, targets, poses, instrument.stands_on, motion.vibrations())
-    with progress_of(int(seconds * rate), "simulating", LONG) as progress:
+    with progress_of(int(seconds * rate), "simulating", PROGRESS_READINGS) as progress:
         made = readings_of(
             session, model, cast("LaserTracker", instrument.instrument), draws[2],
             noise_scale=instrument.noise_scale, temperatures=instrument.temperatures, progress=progress,

@@ -18,9 +18,9 @@ from typing import Literal
 from kinematics.user_error import UserError
 from postproc.commands.show.terminal import PROGRESS
 
-MOST = 50
+MOST_JOBS = 50
 """Jobs that are kept at a time, with those that wait and run."""
-GRACE_S = 3.0
+JOB_GRACE_S = 3.0
 """Time, s, after which a process that was asked to end is ended in the midst of its work."""
 MESSAGE = "ncomp: "
 """Begin of the last message of a command."""
@@ -98,10 +98,10 @@ class Jobs:
 
     def folder(self) -> Path:
         """A new folder with a name of its own. UserError where there are too many jobs."""
-        if len(self._all) >= MOST:
+        if len(self._all) >= MOST_JOBS:
             oldest = next((job for job in self._all.values() if job.is_over), None)
             if oldest is None:
-                raise UserError(f"{MOST} jobs wait or run already: wait until one has ended, or stop one")
+                raise UserError(f"{MOST_JOBS} jobs wait or run already: wait until one has ended, or stop one")
             self.remove(oldest)
         made = self._folder / secrets.token_urlsafe(18)
         made.mkdir(mode=0o700)
@@ -168,7 +168,7 @@ class Jobs:
             )  # fmt: skip
             ended = asyncio.create_task(job.process.wait())
             while not ended.done():
-                await asyncio.wait([ended], timeout=GRACE_S)
+                await asyncio.wait([ended], timeout=JOB_GRACE_S)
                 if job.is_over and not ended.done():
                     _signal(job, getattr(signal, "SIGKILL", signal.SIGTERM))
             return ended.result()

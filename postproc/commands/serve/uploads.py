@@ -12,9 +12,9 @@ from kinematics.user_error import UserError
 from postproc.commands.serve.forms import HEAD, TABLE_SUFFIXES, Field, Offered, Task, output_name, page_name
 from postproc.commands.serve.jobs import Job
 
-PART = 1 << 20
+COPIED_BYTES = 1 << 20
 """Bytes that are copied at a time."""
-LONGEST = 80
+MOST_NAME_CHARACTERS = 80
 """Most characters of a name that is shown."""
 
 
@@ -105,7 +105,7 @@ async def _save(upload: Any, path: Path, suffixes: Sequence[str]) -> str:
     given = PurePath(upload.filename).suffix.lower()
     path = path.with_name(path.name + (given if given in suffixes else suffixes[0]))
     with path.open("xb") as file:
-        while part := await upload.read(PART):
+        while part := await upload.read(COPIED_BYTES):
             file.write(part)
     return path.name
 
@@ -113,4 +113,4 @@ async def _save(upload: Any, path: Path, suffixes: Sequence[str]) -> str:
 def _shown(name: str) -> str:
     """The last part of the name of an upload, as far as it can be shown; with no folder of any system."""
     last = name.replace("\\", "/").rpartition("/")[2]
-    return "".join(c for c in last if c.isprintable())[-LONGEST:].lstrip(".") or "file"
+    return "".join(c for c in last if c.isprintable())[-MOST_NAME_CHARACTERS:].lstrip(".") or "file"

@@ -12,7 +12,7 @@ from kinematics.files import reason_of
 LINE = re.compile(r"(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d) (?:(?P<state>[a-z][a-z ]*): )?(?P<text>.*)")
 END = 1 << 17
 """Bytes of the end of a log that are read."""
-MOST = 200
+MOST_SHOWN_LINES = 200
 """Lines that are shown."""
 
 
@@ -52,5 +52,5 @@ def watched(log: Path) -> Watched:
             lines.append(Line(found["time"], found["state"] or "", found["text"]))
         elif lines:
             lines[-1] = lines[-1]._replace(text=f"{lines[-1].text}\n{text}")
-    lines = lines[: -MOST - 1 : -1]
+    lines = lines[: -MOST_SHOWN_LINES - 1 : -1]
     return Watched(lines, Counter(each.state for each in lines if each.state))

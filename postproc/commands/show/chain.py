@@ -14,10 +14,10 @@ from kinematics.transforms import Array
 Kind = Literal["axis", "turn", "line", "pivot", "part", "opposite"]
 UNBOUNDED = 1000.0
 """Drawn travel, mm, to each side, of an axis without ends."""
-TURN = 1.6
+ARROW_SWEEP_PI = 1.6
 """Part of a circle, in units of pi, that the arrow of a rotary axis covers."""
 PIECES = 40
-ALONG = 0.5
+LIFTING_SHARE = 0.5
 """Least share of a direction along the tool: such an axis lifts the tool off the workpiece."""
 
 
@@ -58,7 +58,7 @@ def _drawn_at(axis: Axis, *, lowered: bool) -> float:
     """Position, mm, of a linear axis in the drawing."""
     low, high = _ends(axis)
     up = axis.unit_direction[2]
-    if abs(up) < ALONG:
+    if abs(up) < LIFTING_SHARE:
         return float(low + high) / 2.0
     return float(low if lowered == (up > 0.0) else high)
 
@@ -115,7 +115,7 @@ def _rotary(axis: Axis, size: float, shift: Array) -> Iterator[Shape]:
     yield Shape("line", axis.name, point + np.outer([-1.5 * radius, 1.5 * radius], along))
     yield Shape("pivot", axis.name, point[None], f"{axis.name} ({', '.join(f'{v:g}' for v in axis.point)})")
     first, second = _across(axis)
-    angles = np.linspace(0.0, TURN * np.pi, PIECES)
+    angles = np.linspace(0.0, ARROW_SWEEP_PI * np.pi, PIECES)
     circle = radius * (np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))
     yield Shape("turn", axis.name, point + 0.8 * radius * along + circle, f"+{axis.name}")
 

@@ -19,7 +19,7 @@ SIGNS = (
 )
 PLACES = {"part": "middle left", "turn": "top left"}
 """Positions of the labels of shapes beside their points."""
-NEAR = 0.06
+NEAR_DRAWING_SHARE = 0.06
 """Share of the size of the drawing."""
 DASHES = {"line": "dash", "opposite": "dot"}
 
@@ -35,14 +35,16 @@ def chain_report(machine: Machine) -> Report:
 
 
 def _figure(machine: Machine) -> Figure:
-    from rendering.figures import SCENE, Figure, Panel
+    from rendering.figures import SCENE_HEIGHT_PX, Figure, Panel
 
-    room = NEAR * size_of(machine)  # labels of dots within it would lie upon one another: the first one has all names
+    room = NEAR_DRAWING_SHARE * size_of(
+        machine
+    )  # labels of dots within it would lie upon one another: the first one has all names
     panel, found = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[]), list(shapes(machine))
     for shape in found:
         near = [each for each in found if each.kind == shape.kind == "pivot" and _distance(each, shape) < room]
         panel.traces += list(_traces(shape, ", ".join(each.axis for each in near if near[0] is shape)))
-    return Figure([panel], height=SCENE)
+    return Figure([panel], height=SCENE_HEIGHT_PX)
 
 
 def _distance(one: Shape, other: Shape) -> float:

@@ -12,9 +12,9 @@ from kinematics.transforms import Array
 from postproc.commands.show.chain import Shape, moved, shapes, travel_of
 from postproc.commands.show.labels import BASE, leader, placed
 
-WIDTH, SCENE = 900, 520
+CHAIN_PX, CHAIN_SCENE_PX = 900, 520
 """Sizes, px."""
-MARGIN, ROW = 70, 22
+MARGIN_PX, ROW_PX = 70, 22
 AZIMUTH, ELEVATION = np.radians(-60.0), np.radians(25.0)
 """Direction to the viewer."""
 COLOURS = {"X": "#3b7dd8", "Y": "#d9700a", "Z": "#4e9a06", "A": "#1d4f9c", "B": "#a1440d", "C": "#2f6b3c"}
@@ -29,15 +29,15 @@ COLUMNS = (20, 70, 345, 495, 660, 810)
 
 def chain_svg(machine: Machine) -> bytes:
     """The drawing of a machine."""
-    height = 110 + SCENE + ROW * (len(machine.axes) + 4)
+    height = 110 + CHAIN_SCENE_PX + ROW_PX * (len(machine.axes) + 4)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{CHAIN_PX}" height="{height}" viewBox="0 0 {CHAIN_PX} {height}">',
         f"<style>{STYLE}</style>",
         _text(20, 32, machine.name, "head"),
         _text(20, 54, machine.description, "small"),
         *_links(machine),
         *_scene(list(shapes(machine))),
-        *_table(machine, 110 + SCENE),
+        *_table(machine, 110 + CHAIN_SCENE_PX),
         "</svg>\n",
     ]
     return "\n".join(parts).encode()
@@ -73,13 +73,13 @@ def _scene(found: Sequence[Shape]) -> Iterator[str]:
     flat = [_projected(shape.points) for shape in found]
     every = np.concatenate(flat)
     low, high = every.min(axis=0), every.max(axis=0)
-    scale = float(np.min([WIDTH - 2 * MARGIN, SCENE - MARGIN] / np.maximum(high - low, 1e-9)))
+    scale = float(np.min([CHAIN_PX - 2 * MARGIN_PX, CHAIN_SCENE_PX - MARGIN_PX] / np.maximum(high - low, 1e-9)))
     middle = (low + high) / 2.0
-    lines = [(points - middle) * [scale, -scale] + [WIDTH / 2, 110 + SCENE / 2] for points in flat]
+    lines = [(points - middle) * [scale, -scale] + [CHAIN_PX / 2, 110 + CHAIN_SCENE_PX / 2] for points in flat]
     for shape, line in zip(found, lines, strict=True):
         yield from _drawn(shape, line)
     named = [(shape, line[-1]) for shape, line in zip(found, lines, strict=True) if shape.label]
-    boxes = placed([(shape.label, at) for shape, at in named], lines, WIDTH)
+    boxes = placed([(shape.label, at) for shape, at in named], lines, CHAIN_PX)
     for (shape, at), box in zip(named, boxes, strict=True):
         ends = leader(box, at)
         if ends is not None:
@@ -128,7 +128,7 @@ def _table(machine: Machine, top: float) -> Iterator[str]:
     rows = [HEAD, *axis_rows(machine)]
     for number, row in enumerate(rows, start=1):
         for x, cell in zip(COLUMNS, row, strict=True):
-            yield _text(x, top + ROW * number + 6, cell, "small" if number == 1 else "")
+            yield _text(x, top + ROW_PX * number + 6, cell, "small" if number == 1 else "")
 
 
 def axis_rows(machine: Machine) -> list[tuple[str, ...]]:

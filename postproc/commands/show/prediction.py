@@ -12,16 +12,16 @@ from calibration.fit.prediction import Predicted, Prediction
 from kinematics.files.number_text import plus_minus
 from kinematics.files.report_head import calibration_text
 from kinematics.transforms import Array
-from postproc.compensation.significance import COVERAGE
+from postproc.compensation.significance import COVERAGE_FACTOR
 from postproc.evaluation.predicted_errors import Statistic
 from rendering.figures import Figure
 from rendering.report import Report, Section, Table
 
-LISTED = 20
+LISTED_POINTS = 20
 """Most points that the report lists."""
 TEXT = "Actual minus nominal, tool relative to workpiece. A cone points to the side to which the tool deviates."
 LARGEST = (
-    f"The table has at most {LISTED} points, with their axis positions. Deviations along x, y and z have their "
+    f"The table has at most {LISTED_POINTS} points, with their axis positions. Deviations along x, y and z have their "
     "standard uncertainties (k=1). Rows count from 1 below the names of the columns."
 )
 DEMONSTRATION = "DEMONSTRATION CALIBRATION: it describes no real machine."
@@ -46,7 +46,7 @@ class Summary:
 
     count: int = 0
     significant: int = 0
-    """Number of points at which a component is larger than COVERAGE times its uncertainty."""
+    """Number of points at which a component is larger than `COVERAGE_FACTOR` times its uncertainty."""
     point: Statistic = field(default_factory=Statistic)
     point_u: Statistic = field(default_factory=Statistic)
     components: tuple[Statistic, ...] = field(default_factory=lambda: (Statistic(), Statistic(), Statistic()))
@@ -57,16 +57,16 @@ class Summary:
     def add(self, block: Predicted) -> None:
         """Add a block."""
         self.count += len(block.deviation)
-        self.significant += int(np.any(np.abs(block.deviation) > COVERAGE * block.u, axis=1).sum())
+        self.significant += int(np.any(np.abs(block.deviation) > COVERAGE_FACTOR * block.u, axis=1).sum())
         sizes = np.linalg.norm(block.deviation, axis=1)
         self.point.add(sizes)
         self.point_u.add(np.linalg.norm(block.u, axis=1))
         for i in range(3):
             self.components[i].add(block.deviation[:, i])
             self.uncertainties[i].add(block.u[:, i])
-        for i in np.argsort(-sizes, kind="stable")[:LISTED].tolist():
+        for i in np.argsort(-sizes, kind="stable")[:LISTED_POINTS].tolist():
             self.largest.append(Point(float(sizes[i]), block.rows.start + i, block.deviation[i], block.u[i]))
-        self.largest = sorted(self.largest, key=lambda point: (-point.size, point.row))[:LISTED]
+        self.largest = sorted(self.largest, key=lambda point: (-point.size, point.row))[:LISTED_POINTS]
 
     def json(self) -> dict[str, Any]:
         """The statistics for programs."""
@@ -76,7 +76,7 @@ class Summary:
             **{f"d{xyz}_um": statistic.json() for xyz, statistic in zip("xyz", self.components, strict=True)},
             **{f"u_d{xyz}_um": statistic.json() for xyz, statistic in zip("xyz", self.uncertainties, strict=True)},
             "significant_share": round(self.significant / self.count, 6),
-            "significant_k": COVERAGE,
+            "significant_k": COVERAGE_FACTOR,
         }
 
     def report(self, prediction: Prediction, figure: Callable[[], Figure]) -> Report:
@@ -97,7 +97,7 @@ class Summary:
         return (
             f"{warning}{self.count} points: deviation of the tool point {self.point.rms:.2f} um RMS, at most "
             f"{self.point.largest:.2f} um; at {self.significant} of them it is significant: a component exceeds "
-            f"{COVERAGE:g} times its standard uncertainty."
+            f"{COVERAGE_FACTOR:g} times its standard uncertainty."
         )
 
     def _statistics(self) -> Table:

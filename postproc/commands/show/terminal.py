@@ -168,12 +168,12 @@ console = Screen("stderr")
 output = Screen("stdout")
 """Standard output, for results of commands."""
 
-LONG = 1_000_000
+PROGRESS_BYTES = 1_000_000
 """Smallest size of a program, bytes, for which progress is shown."""
 
 
 @contextmanager
-def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
+def progress_of(total: int, label: str, long: int = PROGRESS_BYTES) -> Iterator[Callable[[int], None]]:
     """A function to call with each amount done of a total; a bar on a terminal from `long` on.
 
     Nothing in a pipe, unless another program asks for the progress.

@@ -21,9 +21,9 @@ from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.table_format import TableFormat
 from postproc.control_data.tables.terms import Curve
 
-TEXT = 10000
+TEXT_POINT_OFFSET = 10000
 """Number that is added to a point number in the text."""
-STRAIGHT = 4
+STRAIGHTNESS_POINTS = 4
 """Points of a straightness compensation."""
 
 
@@ -60,7 +60,7 @@ def write(content: Content) -> dict[str, str]:
             rows = zip(own.nodes.tolist(), _increments(content, axis, values, step), strict=True)
             for n, (position, value) in enumerate(rows, point):
                 pitch.append(f"{axis.name},{n},{number(position, 4)},{travel},{value}")
-                data.append(f"N{TEXT + n}P{value}")
+                data.append(f"N{TEXT_POINT_OFFSET + n}P{value}")
             point += len(own.nodes)
         if point > settings.total:
             raise UserError(f"fanuc: the tables need points up to {point - 1}, and the control has {settings.total}")
@@ -142,7 +142,9 @@ def _limits(settings: FanucSettings) -> Limits:
             "--set straightness=true: its points are those of the pitch tables; give --set interval= as well"
         )
     step = _step(settings)
-    straight = Limits(points=STRAIGHT, resolution=step, interval=settings.interval, on_grid=True, zero_at_home=True)
+    straight = Limits(
+        points=STRAIGHTNESS_POINTS, resolution=step, interval=settings.interval, on_grid=True, zero_at_home=True
+    )
     return Limits(
         points=settings.points,
         resolution=step,

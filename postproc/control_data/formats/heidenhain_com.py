@@ -25,7 +25,7 @@ from postproc.control_data.tables.motion_tables import MotionTable
 from postproc.control_data.tables.table_format import TableFormat
 from postproc.control_data.tables.terms import Curve
 
-DECIMALS, ANGLE_DECIMALS = 4, 7
+COM_DECIMALS, COM_ANGLE_DECIMALS = 4, 7
 COMPTAB_ROWS = 100
 CMA = "config.cma"
 """Standard name of the assignment table."""
@@ -109,7 +109,7 @@ def _assignment(content: Content, files: Mapping[str, str]) -> str:
     return "\n".join([f"BEGIN {CMA}", head.rstrip(), row.rstrip(), "[END]", ""])
 
 
-def _signed(value: float, decimals: int = DECIMALS) -> str:
+def _signed(value: float, decimals: int = COM_DECIMALS) -> str:
     return f"{value:+z.{decimals}f}"
 
 
@@ -161,7 +161,9 @@ def _with_components(content: Content, axis: Axis, tables: Sequence[MotionTable]
     for table in tables:
         name = axis.name if table.component == own else f"C{COMPONENTS.index(table.component) + 1}"
         values = -content.factor * (np.degrees(table.mean) if table.angular else table.mean)
-        cells[name] = [_signed(value, ANGLE_DECIMALS if table.angular else DECIMALS) for value in values.tolist()]
+        cells[name] = [
+            _signed(value, COM_ANGLE_DECIMALS if table.angular else COM_DECIMALS) for value in values.tolist()
+        ]
     names = ["BACKLASH", axis.name, *(f"C{k}" for k in range(1, 7))]
     return _new(f"AXIS_{axis.name}.COM", tables[0].nodes, names, cells)
 
@@ -171,7 +173,7 @@ def _limits(settings: ComSettings | KinematicsSettings) -> Limits:
     distance = settings.distance if isinstance(settings, ComSettings) else None
     return Limits(
         points=settings.points,
-        resolution=10.0**-DECIMALS,
+        resolution=10.0**-COM_DECIMALS,
         finest=2e-5,
         equidistant=old,
         interval=distance,

@@ -15,7 +15,7 @@ from postproc.control_data.tables.content import Content, lettered, number, own_
 from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.table_format import TableFormat
 
-DECIMALS = 7
+COMP_DECIMALS = 7
 
 
 class LinuxCncSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -50,7 +50,7 @@ def write(content: Content) -> dict[str, str]:
             forward, backward = table.nodes - forward, table.nodes - backward
         name = f"comp_{axis.name.lower()}.txt"
         rows = zip(table.nodes.tolist(), forward.tolist(), backward.tolist(), strict=True)
-        files[name] = "".join(" ".join(number(v, DECIMALS) for v in row) + "\n" for row in rows)
+        files[name] = "".join(" ".join(number(v, COMP_DECIMALS) for v in row) + "\n" for row in rows)
         lines += [
             (joint, f"[JOINT_{joint}]\nCOMP_FILE = {name}\nCOMP_FILE_TYPE = {settings.type}\n")
             for joint, letter in enumerate(joints)
@@ -73,7 +73,7 @@ def _joints(content: Content) -> list[str]:
 
 def _limits(settings: LinuxCncSettings) -> Limits:
     return Limits(
-        points=settings.points, resolution=10.0**-DECIMALS, spacing_step=1e-7, finest=2e-7, turns=settings.turns
+        points=settings.points, resolution=10.0**-COMP_DECIMALS, spacing_step=1e-7, finest=2e-7, turns=settings.turns
     )
 
 

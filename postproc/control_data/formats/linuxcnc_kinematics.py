@@ -16,8 +16,8 @@ from postproc.control_data.parameters.parameter_numbers import Number, at_points
 from postproc.control_data.parameters.rotary_lines import Freedom, rotary_axes
 from postproc.control_data.readers.read_linuxcnc_kinematics import read, unit_beside
 
-DECIMALS = 6
-SAME_MM = 1e-6
+HAL_DECIMALS = 6
+SAME_PIVOT_MM = 1e-6
 
 
 class LinuxCncKinematicsSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -75,7 +75,7 @@ def _head(machine: Machine, turn: Axis, tilt: Axis) -> _Kinematics:
     named = (turn.name, tilt.name) == ("C", "B")
     directed = is_along(turn.unit_direction, "Z") == 1.0 and is_along(tilt.unit_direction, "Y") == -1.0
     offsets = np.array([*turn.point[:2], tilt.point[0]])
-    if not named or not directed or np.abs(offsets).max() > SAME_MM:
+    if not named or not directed or np.abs(offsets).max() > SAME_PIVOT_MM:
         raise UserError(
             f"machine {machine.name} ({machine.chain}): 5axiskins has C along Z, then B against ISO 841 (direction 0 "
             "-1 0 in the machine file), both in one point above the spindle nose"
@@ -101,13 +101,13 @@ def numbers(machine: Machine, _settings: LinuxCncKinematicsSettings) -> list[Num
     """Pins of the module, mm."""
     table, head = rotary_axes(machine, "workpiece"), rotary_axes(machine, "tool")
     if head:
-        return [Number("5axiskins.pivot-length", head[1].point[2], "mm", DECIMALS)]
+        return [Number("5axiskins.pivot-length", head[1].point[2], "mm", HAL_DECIMALS)]
     tilt, turn = table
     module = f"xyz{tilt.name.lower()}c-trt-kins"
     offset = np.asarray(tilt.point) - np.asarray(turn.point)
     offset[0 if tilt.name == "A" else 1] = 0.0  # along the line: the module has no use for it
-    points = at_points([f"{module}.{letter}-rot-point" for letter in "xyz"], turn.point, "mm", DECIMALS)
-    return points + at_points([f"{module}.{letter}-offset" for letter in "xyz"], offset.tolist(), "mm", DECIMALS)
+    points = at_points([f"{module}.{letter}-rot-point" for letter in "xyz"], turn.point, "mm", HAL_DECIMALS)
+    return points + at_points([f"{module}.{letter}-offset" for letter in "xyz"], offset.tolist(), "mm", HAL_DECIMALS)
 
 
 def write(found: Sequence[Number], _machine: Machine, _settings: LinuxCncKinematicsSettings, heading: str) -> str:
@@ -136,7 +136,7 @@ FORMAT = ParameterFormat(
     numbers=numbers,
     write=write,
     file="kinematics.hal",
-    steps=lambda _: (10.0**-DECIMALS, 1e-9),
+    steps=lambda _: (10.0**-HAL_DECIMALS, 1e-9),
     read=read,
     unit=of_control,
     unit_beside=unit_beside,

@@ -21,8 +21,8 @@ from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.table_format import TableFormat
 from postproc.control_data.tables.terms import Curve, Term
 
-DECIMALS = 6
-STEP = 1e-4
+CEC_DECIMALS = 6
+SPACING_STEP = 1e-4
 """mm, inches or degrees: spacings are whole multiples, so that MIN, MAX and STEP are exact in the file."""
 PLACES = {"mm": 4, "inch": 6}
 """Decimals of MIN and MAX: in inches a reference position is no whole multiple of STEP."""
@@ -97,7 +97,7 @@ def write_eec(content: Content) -> dict[str, str]:
     for axis, table in own_tables(content):
         grid, name = _grid(table.nodes, axis, content.unit), names[axis.name]
         lines += [
-            f"$AA_ENC_COMP[{e},{k},{name}]={number(content.factor * value, DECIMALS)}"
+            f"$AA_ENC_COMP[{e},{k},{name}]={number(content.factor * value, CEC_DECIMALS)}"
             for k, value in enumerate(table.forward.tolist())
         ]
         lines += [
@@ -139,7 +139,7 @@ def _cec(
     axis = content.machine.axes[content.machine.index(curve.axis)]
     grid = _grid(curve.nodes, axis, content.unit)
     for k, value in enumerate(curve.values.tolist()):
-        yield f"$AN_CEC[{t},{k}]={number(factor * value, DECIMALS)}"
+        yield f"$AN_CEC[{t},{k}]={number(factor * value, CEC_DECIMALS)}"
     yield f"$AN_CEC_INPUT_AXIS[{t}]=({names[curve.axis]})"
     yield f"$AN_CEC_OUTPUT_AXIS[{t}]=({names[term.output]})"
     yield f"$AN_CEC_STEP[{t}]={grid.step}"
@@ -168,9 +168,9 @@ def _limits(settings: EecSettings | CecSettings) -> Limits:
             raise UserError(f"--set points={points}: {settings.control} holds at most {most} points in a table")
     return Limits(
         points=points,
-        resolution=10.0**-DECIMALS,
+        resolution=10.0**-CEC_DECIMALS,
         equidistant=True,
-        spacing_step=STEP,
+        spacing_step=SPACING_STEP,
         interval=settings.interval,
         tables=tables,
         zero_at_home=True,

@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.effects.control import cardinal
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.control_data.height_maps.height_map import MOST_NODES, HeightMap, Point, even, grid, refuse_holes
+from postproc.control_data.height_maps.height_map import MAP_NODES, HeightMap, Point, even, grid, refuse_holes
 from postproc.control_data.readers.control_source import numbers, refusal
 
 
@@ -58,8 +58,8 @@ def _reprap_nodes(name: str, row: str, named: Mapping[str, str], axis: int) -> A
         why = "expected a value for each label of the line above: axis, min, spacing, num, ..."
         raise refusal(name, 3, row, why)
     low, spacing, count = numbers([named[label] for label in labels], name, 3, row)
-    if not 2 <= count <= MOST_NODES:
-        raise refusal(name, 3, row, f"expected 2 to {MOST_NODES} points in a row")
+    if not 2 <= count <= MAP_NODES:
+        raise refusal(name, 3, row, f"expected 2 to {MAP_NODES} points in a row")
     return np.asarray(low + spacing * np.arange(int(count)))
 
 
@@ -78,9 +78,9 @@ def klipper_mesh(name: str, section: Mapping[str, str]) -> HeightMap:
         count, pps = (_whole(name, section, key) for key in (f"{axis}_count", f"mesh_{axis}_pps"))
         if not 2 <= count <= max(len(heights), *map(len, heights), 2) or low >= high:
             raise UserError(f"{name}: {axis}_count {count} from {low:g} to {high:g} does not fit the points")
-        if (nodes := count + (count - 1) * pps) > MOST_NODES:
+        if (nodes := count + (count - 1) * pps) > MAP_NODES:
             raise UserError(
-                f"{name}: {nodes} points along {axis} with mesh_{axis}_pps {pps}: a mesh has at most {MOST_NODES}"
+                f"{name}: {nodes} points along {axis} with mesh_{axis}_pps {pps}: a mesh has at most {MAP_NODES}"
             )
         ends.append((low, high))
         counts.append(count)

@@ -12,9 +12,9 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.control_data.readers.control_source import refusal
 
-MOST_NODES = 1001
+MAP_NODES = 1001
 """Largest number of nodes along an axis of a map whose file states the number: a mm apart over a bed of a metre."""
-SAME = 0.1
+SAME_NODE_SHARE = 0.1
 """Distance of two positions that count as one node, as a share of the longest step of the grid: the rule of bCNC."""
 
 
@@ -87,7 +87,7 @@ def _nodes(positions: Iterable[float]) -> tuple[Array, np.ndarray]:
     given = np.array(list(positions))
     distinct, which = np.unique(given, return_inverse=True)
     steps = np.diff(distinct)
-    begins = np.append(0, np.cumsum(steps > SAME * steps.max(initial=0.0)))
+    begins = np.append(0, np.cumsum(steps > SAME_NODE_SHARE * steps.max(initial=0.0)))
     nodes = np.array([distinct[begins == k].mean() for k in range(begins[-1] + 1)])
     return nodes, begins[which]
 

@@ -7,11 +7,11 @@ import re
 from postproc.control_data.height_maps.height_map import HeightMap, Point, grid
 from postproc.control_data.readers.control_source import numbers, refusal
 
-LOGGED = 9
+LOGGED_NUMBERS = 9
 """Numbers in a row of LinuxCNC's log."""
 EXPECTED = (
     "expected X, Y and Z in the coordinates of the work offset, with the decimal point '.', or the "
-    f"{LOGGED} numbers of LinuxCNC's log"
+    f"{LOGGED_NUMBERS} numbers of LinuxCNC's log"
 )
 REMARK = re.compile(r"[#;%].*|\(.*?\)")
 OTHER_UNITS = ("um", "µm", "μm", "cm", "m", "in", "inch", "inches", "mil", "mils", "thou")
@@ -32,9 +32,9 @@ def read_list(name: str, text: str) -> HeightMap:
         if words == [""] or (not points and not re.search(r"\d", row)):
             order = _order(row, where, line) or order  # a remark or the heading
             continue
-        if len(words) not in (3, LOGGED) or row.startswith("["):
+        if len(words) not in (3, LOGGED_NUMBERS) or row.startswith("["):
             raise refusal(where, line, row, EXPECTED)
-        logged = len(words) == LOGGED
+        logged = len(words) == LOGGED_NUMBERS
         x, y, z = (numbers(words, where, line, row)[column] for column in order)
         points.append(Point(line, row, x, y, z))
     return HeightMap(*grid(name, points), "LinuxCNC" if logged else "a list of points")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.user_error import UserError
-from postproc.control_data.height_maps.height_map import MOST_NODES, HeightMap, Point, even, grid, refuse_holes
+from postproc.control_data.height_maps.height_map import MAP_NODES, HeightMap, Point, even, grid, refuse_holes
 from postproc.control_data.readers.control_source import numbers, refusal
 
 
@@ -88,9 +88,9 @@ def read_opencncpilot(name: str, text: str) -> HeightMap:
     except ValueError as fault:
         raise UserError(f"{where}: {fault}: expected numbers with '.' as the decimal point") from None
     rising = all(-np.inf < a < b < np.inf for a, b in zip(low, high, strict=True))
-    if not rising or min(counts) < 2 or max(counts) > MOST_NODES:
+    if not rising or min(counts) < 2 or max(counts) > MAP_NODES:
         raise UserError(
-            f"{where}: {counts[0]} x {counts[1]} points from {low} to {high}: a map has 2 to {MOST_NODES} points along "
+            f"{where}: {counts[0]} x {counts[1]} points from {low} to {high}: a map has 2 to {MAP_NODES} points along "
             "each axis"
         )
     heights = np.full(counts, np.nan)

@@ -18,7 +18,7 @@ from postproc.control_data.parameters.export_parameters import fitted_volume
 from postproc.control_data.parameters.rotary_lines import Freedom, across, moved_lines, positions_with
 from postproc.control_data.tables.target import positional
 
-AGREE_MM, AGREE_DEG = 1e-3, 1e-3
+SAME_LINE_MM, SAME_LINE_DEG = 1e-3, 1e-3
 """Differences of lines below which two sources agree, as parameters are written."""
 TURNS_DEG = (180.0, -180.0, 90.0, -90.0)
 """Turns of one axis between two features of a part, the largest within its travel first."""
@@ -46,8 +46,8 @@ class Difference(msgspec.Struct, frozen=True):
     @property
     def agrees(self) -> bool:
         """True where the sources agree, within the uncertainty (k = 2) of a measurement."""
-        within = max(AGREE_MM, 2.0 * self.u_mm)
-        return self.same_sense and self.tilt_deg <= AGREE_DEG and float(np.linalg.norm(self.shift_mm)) <= within
+        within = max(SAME_LINE_MM, 2.0 * self.u_mm)
+        return self.same_sense and self.tilt_deg <= SAME_LINE_DEG and float(np.linalg.norm(self.shift_mm)) <= within
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form."""

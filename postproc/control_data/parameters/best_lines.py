@@ -16,9 +16,9 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.control_data.parameters.rotary_lines import Freedom, moved_lines, positions_with
 
-STEPS = (1e-3, 1e-6)
+DERIVATIVE_STEPS = (1e-3, 1e-6)
 """mm and rad: steps of the derivatives by shifts and by tilts."""
-ITERATIONS = 3
+LINE_ITERATIONS = 3
 SINGULAR = 1e-7
 """Share of the largest singular value below which a direction of the lines is not determined, and stays."""
 
@@ -63,7 +63,7 @@ def columns_of(volume: Volume, freedoms: Sequence[Freedom]) -> Array:
     machine, found = volume.machine, []
     tip = tool_point(machine, volume.q, volume.tool)
     for freedom in freedoms:
-        step = STEPS[freedom.tilt]
+        step = DERIVATIVE_STEPS[freedom.tilt]
         moved = [moved_lines(machine, [freedom], np.array([sign * step])) for sign in (1.0, -1.0)]
         ends = [positions_with(machine, each, volume.q, volume.tool) for each in moved]
         points = [tool_point(machine, q, volume.tool) for q in ends]
@@ -93,7 +93,7 @@ def best_lines(volume: Volume, model: ErrorModel, freedoms: Sequence[Freedom]) -
     columns = all_columns(volume, freedoms)
     solve = _solver(columns)
     total = np.zeros(columns.shape[2])
-    for _ in range(ITERATIONS):
+    for _ in range(LINE_ITERATIONS):
         moved = moved_lines(volume.machine, freedoms, total[:k])
         q = positions_with(volume.machine, moved, volume.q, volume.tool, _six(total[k:]))
         total = total - solve @ volume.deviation(model, q).ravel()

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from postproc.control_data.parameters.parameter_format import ParameterFormat
     from postproc.control_data.tables.export_tables import Exported
 
-POINTS = 512
+FITTED_COMMANDS = 512
 """Commands of the volume at which the lines are fitted."""
 LONGER_MM = 100.0
 """Half of the commands have a tool that is longer by this, so that the lines are right for every tool."""
@@ -223,7 +223,7 @@ def _offset_shift(best: Best) -> str:
 
 def fitted_volume(machine: Machine, model: ErrorModel, tool: Array) -> Volume:
     """Commands over the working volume, for the tool and for a longer one."""
-    q = Target(machine, model, tool).volume(POINTS) * machine.scale
+    q = Target(machine, model, tool).volume(FITTED_COMMANDS) * machine.scale
     tools = np.tile(tool, (len(q), 1))
     tools[1::2, 2] -= LONGER_MM
     approach = np.random.default_rng(len(q)).choice([-1.0, 1.0], q.shape)

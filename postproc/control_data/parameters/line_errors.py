@@ -13,18 +13,18 @@ from kinematics.effects import COMPONENTS, Component, Effect, ErrorMotion, Locat
 from kinematics.error_model.model import no_errors
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
-from kinematics.machine import TURN, Axis, Machine
+from kinematics.machine import TURN_DEG, Axis, Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.control_data.parameters.rotary_lines import positions_with
 
 POSES = 60
-SEED = 10791
+LINE_SEED = 10791
 TOOLS = (0.0, 100.0, 250.0)
 """Tool lengths, mm, at which the errors must be the same."""
 INDEPENDENT = 1e-6
 """Share of its signal by which an error must differ from those before it."""
-SMALLEST = 2e-3
+SECOND_ORDER_UM = 2e-3
 """um and urad: smaller errors are left out; they are of second order."""
 
 
@@ -45,11 +45,13 @@ def errors_of_lines(machine: Machine, moved: Machine, frame: Array | None = None
     signals = _signals(machine, candidates, q, tools)
     kept = _independent(signals)
     sizes = np.linalg.lstsq(signals[:, kept], corrected)[0]
-    return _joined([(candidates[k], float(size)) for k, size in zip(kept, sizes, strict=True) if abs(size) > SMALLEST])
+    return _joined(
+        [(candidates[k], float(size)) for k, size in zip(kept, sizes, strict=True) if abs(size) > SECOND_ORDER_UM]
+    )
 
 
 def _poses(machine: Machine) -> tuple[Array, Array]:
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(LINE_SEED)
     low, high = np.array([(-180.0, 180.0) if axis.rotary else (-300.0, 300.0) for axis in machine.axes]).T
     q = rng.uniform(low, high, (POSES * len(TOOLS), len(low))) * machine.scale
     return q, np.outer(np.tile(TOOLS, POSES), [0.0, 0.0, -1.0])
@@ -94,7 +96,7 @@ def _interval(axis: Axis) -> tuple[float, float]:
 
 def _harmonic(component: Component, axis: Axis, part: int) -> ErrorMotion:
     low, high = axis.travel
-    interval = (low, high) if high - low < TURN else (0.0, TURN)
+    interval = (low, high) if high - low < TURN_DEG else (0.0, TURN_DEG)
     values = tuple(1.0 if k == part else 0.0 for k in range(3))
     return ErrorMotion(component, axis.name, Harmonics(interval, 1), values, u=(0.0,) * 3)
 

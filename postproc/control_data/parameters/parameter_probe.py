@@ -10,7 +10,7 @@ from kinematics.machine import Axis, Machine
 from kinematics.user_error import UserError
 from postproc.control_data.format import Settings, in_words
 from postproc.control_data.parameters.rotary_lines import moved_lines
-from postproc.control_data.tables.table_probe import SIZE
+from postproc.control_data.tables.table_probe import PROBED
 
 if TYPE_CHECKING:
     from postproc.control_data.parameters.parameter_format import ParameterFormat
@@ -23,7 +23,7 @@ def probe(machine: Machine, axis_name: str, form: ParameterFormat, settings: Set
     if not shifts:
         raise UserError(f"--probe {axis_name}: {form.name} has no parameter that shifts the line of {axis_name}")
     shift = shifts[0]
-    moved = moved_lines(machine, [shift], np.array([SIZE]))
+    moved = moved_lines(machine, [shift], np.array([PROBED]))
     before, after = (form.numbers_of(each, settings) for each in (machine, moved))
     changed = ", ".join(
         f"{new.name} {new.value - old.value:+z.{new.decimals}f}"
@@ -34,7 +34,7 @@ def probe(machine: Machine, axis_name: str, form: ParameterFormat, settings: Set
     table = axis.side == "workpiece"
     text = f"""# Probe of {form.title}, {axis_name}
 
-{form.file} shifts the line of {axis_name} by +{SIZE:g} mm along ({", ".join(f"{v:g}" for v in shift.vector)}) of the
+{form.file} shifts the line of {axis_name} by +{PROBED:g} mm along ({", ".join(f"{v:g}" for v in shift.vector)}) of the
 machine: {changed}. {form.file_before} has the values by the machine file.
 
 1. Back up the parameters of the control, and compare them with {form.file_before}.
@@ -59,5 +59,5 @@ def _turn(axis: Axis) -> tuple[float, float]:
     low, high = axis.travel
     for angle in (180.0, -180.0):
         if low <= angle <= high:
-            return angle, 2.0 * SIZE
-    return (90.0 if high >= 90.0 else -90.0), SIZE
+            return angle, 2.0 * PROBED
+    return (90.0 if high >= 90.0 else -90.0), PROBED

@@ -152,20 +152,20 @@ def refusal(name: str, line: int, text: str, why: str) -> UserError:
     return UserError(f"{name}:{line}: {text.strip()!r}: {why}")
 
 
-LARGEST = 1e18
+LARGEST_TABLE_NUMBER = 1e18
 """Largest number of a table that is read, so that no unit makes it infinite."""
 
 
 def numbers(words: Sequence[str], name: str, line: int, text: str) -> list[float]:
-    """Numbers of a table; a located UserError at the first that is none or is beyond LARGEST."""
+    """Numbers of a table; a located UserError at the first that is none or is beyond `LARGEST_TABLE_NUMBER`."""
     try:
         if any("_" in word for word in words):
             raise ValueError(f"{' '.join(words)!r} is no number: '_' is no digit")
         found = [float(word) for word in words]
     except ValueError as fault:
         raise refusal(name, line, text, str(fault)) from None
-    if not all(abs(number) <= LARGEST for number in found):
-        raise refusal(name, line, text, f"a number is not finite, or beyond {LARGEST:g}")
+    if not all(abs(number) <= LARGEST_TABLE_NUMBER for number in found):
+        raise refusal(name, line, text, f"a number is not finite, or beyond {LARGEST_TABLE_NUMBER:g}")
     return found
 
 

@@ -10,7 +10,7 @@ from kinematics.user_error import UserError
 from postproc.control_data.readers.control_source import Source, increasing, numbers, refusal
 
 _WORD = re.compile(r"N(\d+)(?:A(\d+))?P([+-]?[\d.]+);?")
-TEXT = 10000
+FIRST_TEXT_POINT = 10000
 """Number that is added to a point number in the text."""
 TYPED_IN = ("pitch.csv", "parameters.csv")
 """Files of `ncomp export` with the numbers of the text, for the screens of the control."""
@@ -79,14 +79,14 @@ def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int,
 
 def _sums(name: str, points: Mapping[int, float], low: int, reference: int, high: int) -> list[float]:
     """Amounts at the points low ... high: running sums, 0 at the reference."""
-    lacking = next((n for n in range(low + 1, high + 1) if TEXT + n not in points), None)
+    lacking = next((n for n in range(low + 1, high + 1) if FIRST_TEXT_POINT + n not in points), None)
     if lacking is not None:
-        raise UserError(f"{name}: the value of point {lacking} (N{TEXT + lacking}) is missing")
+        raise UserError(f"{name}: the value of point {lacking} (N{FIRST_TEXT_POINT + lacking}) is missing")
     found = {reference: 0.0}
     for n in range(reference + 1, high + 1):
-        found[n] = found[n - 1] + points[TEXT + n]
+        found[n] = found[n - 1] + points[FIRST_TEXT_POINT + n]
     for n in range(reference, low, -1):
-        found[n - 1] = found[n] - points[TEXT + n]
+        found[n - 1] = found[n] - points[FIRST_TEXT_POINT + n]
     return [found[n] for n in range(low, high + 1)]
 
 

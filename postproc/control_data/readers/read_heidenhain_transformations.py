@@ -11,7 +11,7 @@ from postproc.control_data.readers.control_source import Source, numbers, refusa
 
 COMMENTS = ("*", ";")
 HEADINGS = ("BEGIN", "NR", "DOC")
-FEWEST, FINEST = 3, 9
+FEWEST_DECIMALS, MOST_SHIFT_DECIMALS = 3, 9
 """Decimals of a shift, at least and at most."""
 CANCELLED = 1e-9
 """Largest remaining rotation, rad: those before and behind a row MachAxis are the same numbers."""
@@ -22,7 +22,7 @@ def read(source: Source, name: str, machine: Machine) -> Machine:
     place, frame = np.zeros(3), np.eye(3)
     points: dict[str, Vector] = {}
     directions: dict[str, Vector] = {}
-    decimals = FINEST
+    decimals = MOST_SHIFT_DECIMALS
     rows = source.files[name].rstrip().splitlines()
     if not rows or rows[-1].strip() != "[END]":
         raise UserError(f"{name}: the last line must be [END]")
@@ -59,7 +59,7 @@ def read(source: Source, name: str, machine: Machine) -> Machine:
 
 def _decimals(number: str) -> int:
     """Decimals of a shift; a number with fewer than the control shows is exact."""
-    return max(len(number.partition(".")[2]), FEWEST)
+    return max(len(number.partition(".")[2]), FEWEST_DECIMALS)
 
 
 def _refuse_open(place: Array, frame: Array, rounding: float, name: str) -> None:

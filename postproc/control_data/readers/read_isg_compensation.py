@@ -10,7 +10,7 @@ from kinematics.user_error import UserError
 from postproc.control_data.readers.control_source import Source, increasing, numbers, refusal
 
 _UNIT = 1e-4
-MOST = 10_200
+LAST_PLANE_INDEX = 10_200
 """Last index of a plane along one of its axes."""
 _ENTRY = re.compile(r"([\w.]+(?:\[\s*\d+\s*\][\w.]*)*)\s+(\S+)$")
 
@@ -103,8 +103,10 @@ def read_cross(source: Source) -> list[Effect]:
                 masters.append(named(name, entries, f"kw.crosscomp2.master{k}_ax_nr"))
                 start = _UNIT * _entry(name, entries, f"kw.crosscomp2.start_position_master{k}")
                 last = int(_entry(name, entries, f"kw.crosscomp2.last_index_master{k}"))
-                if last > MOST:
-                    raise UserError(f"{name}: kw.crosscomp2.last_index_master{k} {last} exceeds the most, {MOST}")
+                if last > LAST_PLANE_INDEX:
+                    raise UserError(
+                        f"{name}: kw.crosscomp2.last_index_master{k} {last} exceeds the most, {LAST_PLANE_INDEX}"
+                    )
                 grids.append([start + interval * i for i in range(last + 1)])
             values = [
                 sign * _entry(name, entries, f"kw.crosscomp2.table[{j}][{i}].correction")

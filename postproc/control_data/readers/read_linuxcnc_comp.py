@@ -11,7 +11,7 @@ from postproc.control import linuxcnc_ini
 from postproc.control.linuxcnc_ini import IniFile, Line
 from postproc.control_data.readers.control_source import Source, increasing, numbers, refusal
 
-MOST = 256
+MOST_COMP_POINTS = 256
 _JOINT = re.compile(r"JOINT_(0|[1-9]\d*)")
 
 Rows = list[list[float]]
@@ -117,8 +117,10 @@ def _rows(name: str, text: str) -> Rows:
         if len(words) < 3:
             raise refusal(name, line, row, "expected three numbers: LinuxCNC stops reading at this line")
         found.append((line, numbers(words[:3], name, line, row)))
-    if len(found) > MOST:
-        raise refusal(name, MOST + 1, lines[MOST], f"LinuxCNC reads at most {MOST} rows")
+    if len(found) > MOST_COMP_POINTS:
+        raise refusal(
+            name, MOST_COMP_POINTS + 1, lines[MOST_COMP_POINTS], f"LinuxCNC reads at most {MOST_COMP_POINTS} rows"
+        )
     if not found:
         raise UserError(f"{name}: the file has no rows")
     increasing(found, name)

@@ -22,7 +22,7 @@ _VECTOR_OF = {
 }
 _FIRST_OF = {1: "I1", 4: "I2", 7: "V1", 10: "V2", 15: "I3", 18: "I4"}
 CLOSED_MM = 1e-4
-KIND_OF_CARRIER, FINE = 23, range(41, 61)
+KIND_OF_CARRIER, FINE_OFFSETS = 23, range(41, 61)
 """$TC_CARRn of the kind of kinematics, and of the fine offsets."""
 ENDS = ("M17", "M30", "RET", "M2", "M02")
 
@@ -96,9 +96,9 @@ def _passed(left: str, right: str, where: tuple[str, int, str], machine: Machine
         stated = right.strip('"').upper()
         if stated != kind:
             raise refusal(*where, f"a record of kinematics {stated}, and the machine has kinematics {kind}")
-    elif number in FINE and numbers([right], *where)[0]:
+    elif number in FINE_OFFSETS and numbers([right], *where)[0]:
         raise refusal(*where, "the fine offset is added to the vector: add it, and set this element to 0")
-    return number == KIND_OF_CARRIER or number in FINE
+    return number == KIND_OF_CARRIER or number in FINE_OFFSETS
 
 
 def _enter(found: dict[tuple[str, int], float], vector: str, k: int, value: float, where: tuple[str, int, str]) -> None:

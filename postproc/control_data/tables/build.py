@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from kinematics.machine import TURN, Axis
+from kinematics.machine import TURN_DEG, Axis
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.control_data.tables.limits import Limits, check_terms
@@ -24,7 +24,7 @@ from postproc.control_data.tables.terms import Curve, Surface, Term, added, to_s
 
 FINE, COARSE = {3: 401}, {3: 81}
 """Positions along an axis at which curves, and surfaces, are known, by the number of axes of the machine."""
-FEW = (201, 25)
+NODES_OF_MORE_AXES = (201, 25)
 """The same for machines of more axes."""
 WORTH = 1e-4
 """mm RMS: a product or surface with a smaller effect is left out."""
@@ -108,7 +108,7 @@ def _of_one_axis(target: Target, outputs: Sequence[int], capabilities: Capabilit
     for j in range(len(target.machine.axes)):
         if not capabilities.cross and (j not in outputs or not capabilities.own):
             continue
-        x = target.positions_along(j, FINE.get(len(target.machine.axes), FEW[0]))
+        x = target.positions_along(j, FINE.get(len(target.machine.axes), NODES_OF_MORE_AXES[0]))
         directions = (1, -1) if capabilities.bidirectional and j in outputs and target.depends_on_direction(j) else (0,)
         values = np.stack([target.mean((j,), (x,), direction) for direction in directions], axis=1)
         for i in outputs:
@@ -129,7 +129,7 @@ def _of_two_axes(target: Target, outputs: Sequence[int], capabilities: Capabilit
     for pair in combinations(range(len(axes)), 2):
         if capabilities.surfaces and not all(axes[k].name[0] in capabilities.surfaces for k in pair):
             continue
-        n = COARSE.get(len(axes), FEW[1])
+        n = COARSE.get(len(axes), NODES_OF_MORE_AXES[1])
         positions = tuple(target.evenly(k, n) for k in pair)
         both = target.mean(pair, positions)
         means = {pair[0]: both.mean(axis=1, keepdims=True), pair[1]: both.mean(axis=0, keepdims=True)}
@@ -332,14 +332,14 @@ def _polynomial(x: Array, curves: Array, limits: Limits, home: float) -> tuple[A
 
 def turns_of(axis: Axis, start: float, turns: int) -> range:
     """The turns from `start`, degrees, of a table that does not repeat: its travel, or `turns` to either side."""
-    low, high = axis.travel if np.isfinite(axis.travel).all() else (start - turns * TURN, start + turns * TURN)
-    return range(int(np.floor((low - start) / TURN)), int(np.ceil((high - start) / TURN)))
+    low, high = axis.travel if np.isfinite(axis.travel).all() else (start - turns * TURN_DEG, start + turns * TURN_DEG)
+    return range(int(np.floor((low - start) / TURN_DEG)), int(np.ceil((high - start) / TURN_DEG)))
 
 
 def written_out(nodes: Array, values: Array, turns: range) -> tuple[Array, Array]:
     """Nodes `(k,)` of a turn, degrees, and values `(k, directions)`, repeated for each of the turns."""
-    every = [nodes[:-1] + TURN * k for k in turns]
-    ends = nodes[-1:] + TURN * turns[-1]
+    every = [nodes[:-1] + TURN_DEG * k for k in turns]
+    ends = nodes[-1:] + TURN_DEG * turns[-1]
     return np.concatenate([*every, ends]).round(9), np.concatenate([*[values[:-1]] * len(turns), values[-1:]])
 
 

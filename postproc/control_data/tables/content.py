@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kinematics.machine import TURN, Axis, Machine
+from kinematics.machine import TURN_DEG, Axis, Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.control.codes import UNIT_NAMES
@@ -95,7 +95,7 @@ def lettered(machine: Machine) -> list[Axis]:
 
 def repeats(axis: Axis) -> bool:
     """True if the table of an axis repeats (modulo): a rotary axis with a travel of more than a turn."""
-    return axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN
+    return axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN_DEG
 
 
 def number(value: float, decimals: int) -> str:

@@ -18,9 +18,9 @@ from kinematics.transforms import Array
 from postproc.control_data.tables.target import spread_out
 from postproc.control_data.tables.terms import Surface
 
-ANY_WAY, LINES, STARTS = 600, 21, 4
+RANDOM_MOVES, LINES_OF_AXIS, STARTS_OF_LINE = 600, 21, 4
 """Moves between points all over the bed; lines along X and along Y; moves from different starts on each line."""
-SAMPLE_MM = 0.5
+COMPARED_EVERY_MM = 0.5
 """Distance at which a move is compared with the mesh."""
 
 
@@ -81,7 +81,7 @@ class Cells:
 
 DEFAULT = Splitting(0.025, 5.0)
 """Klipper's defaults (`bed_mesh.py`)."""
-FINEST = Splitting(0.01, 3.0)
+KLIPPER_FINEST = Splitting(0.01, 3.0)
 """The least values that Klipper accepts (`bed_mesh.py`)."""
 
 
@@ -96,7 +96,7 @@ def departure(mesh: Surface, start: Array, end: Array, parts: Parts) -> float:
     if not length:
         return 0.0
     ends = parts.ends(mesh, start, end)
-    at = np.linspace(0.0, length, int(length / SAMPLE_MM) + 2)
+    at = np.linspace(0.0, length, int(length / COMPARED_EVERY_MM) + 2)
     followed = np.interp(at, ends, _heights(mesh, start, end, ends / length))
     return float(np.abs(followed - _heights(mesh, start, end, at / length)).max())
 
@@ -111,11 +111,11 @@ def _moves(mesh: Surface) -> Iterator[tuple[Array, Array]]:
     """Starts and ends of moves: in all directions, and along X and Y, there and back."""
     nodes = dict(zip(mesh.axes, mesh.nodes, strict=True))
     low, high = (np.array([nodes[axis][end] for axis in "XY"]) for end in (0, -1))
-    for pair in spread_out(ANY_WAY, 4):
+    for pair in spread_out(RANDOM_MOVES, 4):
         yield low + pair[:2] * (high - low), low + pair[2:] * (high - low)
     for along in (0, 1):
-        for across in np.linspace(0.0, 1.0, LINES):
-            for first in np.arange(STARTS) / STARTS:
+        for across in np.linspace(0.0, 1.0, LINES_OF_AXIS):
+            for first in np.arange(STARTS_OF_LINE) / STARTS_OF_LINE:
                 for ends in ((first, 1.0), (1.0 - first, 0.0)):
                     shares = np.full((2, 2), across)
                     shares[:, along] = ends

@@ -19,8 +19,8 @@ from postproc.control_data.tables.nodes import choose_nodes, fitted
 from postproc.control_data.tables.target import Target
 from postproc.control_data.tables.terms import to_steps
 
-FINE, OTHERS = 401, 16
-FINEST = (5e-6, 2e-8)
+FINE_NODES, OTHER_AXES_NODES = 401, 16
+NODE_RMS = (5e-6, 2e-8)
 """mm and rad RMS that are not worth further nodes."""
 
 
@@ -61,9 +61,9 @@ def build_motions(
     in rad. Positioning by direction only with `bidirectional`.
     """
     machine, found = target.machine, []
-    others = target.volume(OTHERS)
+    others = target.volume(OTHER_AXES_NODES)
     for j, axis in enumerate(machine.axes):
-        x = target.positions_along(j, FINE)
+        x = target.positions_along(j, FINE_NODES)
         errors = {direction: _mean_errors(target, j, x, direction, others) for direction in (1, -1)}
         curves = {c: _curves(errors, k, c, axis, bidirectional=bidirectional) for k, c in enumerate(COMPONENTS)}
         steps = {c: angular_resolution if c in "ABC" else limits.resolution for c in COMPONENTS}
@@ -88,7 +88,7 @@ def _curves(errors: dict[int, Array], k: int, component: str, axis: Axis, *, bid
 
 def _nodes(x: Array, curves: dict[str, Array], steps: dict[str, float], limits: Limits, axis: Axis) -> Array:
     """Nodes for some components together, each in units of the RMS below which no nodes are added."""
-    sizes = {c: max(0.25 * steps[c], FINEST["ABC".find(c) >= 0]) for c in curves}
+    sizes = {c: max(0.25 * steps[c], NODE_RMS["ABC".find(c) >= 0]) for c in curves}
     scaled = np.concatenate([curve / sizes[c] for c, curve in curves.items()], axis=1)
     return choose_nodes(x, scaled, replace(limits, resolution=1.0, finest=1.0), axis.home, closing=axis.turns_fully)
 

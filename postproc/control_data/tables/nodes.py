@@ -16,7 +16,7 @@ from kinematics.user_error import UserError
 from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.terms import to_steps
 
-ENOUGH = 0.25
+ENOUGH_RESOLUTION_SHARE = 0.25
 """Share of the resolution of values: below this RMS no further nodes are added."""
 
 
@@ -26,7 +26,7 @@ def choose_nodes(x: Array, curves: Array, limits: Limits, home: float, *, closin
     x `(m,)`: ascending; curves `(m, c)`: values there. home: the reference position, on which an equidistant node lies;
     those of a closing table divide the distance from the first to the last position.
     """
-    enough = len(x) * max(ENOUGH * limits.resolution, limits.finest) ** 2
+    enough = len(x) * max(ENOUGH_RESOLUTION_SHARE * limits.resolution, limits.finest) ** 2
     if closing and limits.interval:
         _check_divides(float(x[-1] - x[0]), limits.interval, limits)
     if limits.equidistant:

@@ -23,8 +23,8 @@ from postproc.control_data.tables.target import Target, positional, too_fine
 from postproc.control_data.tables.terms import Surface, Term
 
 GRID = {3: 9}
-"""Positions along each axis, by the number of axes; COARSE for more."""
-COARSE = 5
+"""Positions along each axis, by the number of axes; `COARSE_NODES` for more."""
+COARSE_NODES = 5
 POINTS_A_WAVE = 6
 """Nodes of a table for each wave: with fewer the residual exceeds a tenth of the wave."""
 
@@ -35,7 +35,7 @@ def not_representable(target: Target, whole: ErrorModel, terms: Sequence[Term] |
     Without `terms`, of tables of error motions: dependences on other axes than their own.
     """
     machine = target.machine
-    n = GRID.get(len(machine.axes), COARSE)
+    n = GRID.get(len(machine.axes), COARSE_NODES)
     axes = [low + (high - low) * (np.arange(n) + 0.5) / n for low, high in target.bounds]
     q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) * machine.scale
     errors = target.model.errors(machine, State(q, np.zeros_like(q))).reshape(len(q), -1)

@@ -21,11 +21,11 @@ from postproc.control_data.tables.terms import Curve, Surface, Term, to_steps
 if TYPE_CHECKING:
     from postproc.control_data.tables.table_format import TableFormat
 
-SIZE = 0.02
+PROBED = 0.02
 """mm or degrees."""
-BESIDE = 25.0
+PROBE_DISTANCE_MM = 25.0
 """mm: from the node to the zeros beside it, over other axes."""
-SHARE = 0.05
+PROBE_SHARE_OF_TRAVEL = 0.05
 """Share of the travel from the node to the zeros beside it."""
 
 
@@ -34,9 +34,9 @@ def probe(machine: Machine, axis_name: str, form: TableFormat, settings: Setting
     axis = machine.axes[machine.index(axis_name)]
     unit = form.unit(settings, machine.control)
     limits = form.limits_mm(settings, machine).of(axis, axis)
-    beside = max(1, math.ceil(SIZE / limits.steepest - 1e-9))
+    beside = max(1, math.ceil(PROBED / limits.steepest - 1e-9))
     nodes, shares = _nodes(axis, limits, beside)
-    values = to_steps(SIZE * shares, limits.resolution)
+    values = to_steps(PROBED * shares, limits.resolution)
     if form.capabilities is None:
         size = values if not axis.rotary else np.radians(values)
         table = MotionTable(own_component(axis.name), axis.name, nodes, size, size)
@@ -65,11 +65,11 @@ def _across(machine: Machine, axis: Axis, form: TableFormat, settings: Settings)
     for other in others:
         low, high = bounds(other)
         middle = round((low + high) / 2 / limits.spacing_step) * limits.spacing_step
-        positions.append(np.round(middle + BESIDE * np.array([-1.0, 0.0, 1.0]), 9))
-    peak = np.array([0.0, SIZE, 0.0])
+        positions.append(np.round(middle + PROBE_DISTANCE_MM * np.array([-1.0, 0.0, 1.0]), 9))
+    peak = np.array([0.0, PROBED, 0.0])
     assert form.capabilities is not None
     if form.capabilities(settings).surfaces:
-        surface = Surface((others[0].name, others[1].name), (positions[0], positions[1]), np.outer(peak, peak) / SIZE)
+        surface = Surface((others[0].name, others[1].name), (positions[0], positions[1]), np.outer(peak, peak) / PROBED)
         term = Term(axis.name, (surface,))
     else:
         positions, others = positions[:1], others[:1]
@@ -88,7 +88,10 @@ def _nodes(axis: Axis, limits: Limits, beside: int) -> tuple[Array, Array]:
     Where that must be 0, the table reaches to it.
     """
     low, high = bounds(axis)
-    apart = limits.interval or max(round((high - low) * SHARE / beside / limits.spacing_step), 1) * limits.spacing_step
+    apart = (
+        limits.interval
+        or max(round((high - low) * PROBE_SHARE_OF_TRAVEL / beside / limits.spacing_step), 1) * limits.spacing_step
+    )
     middle = max(beside, round(((low + high) / 2 - axis.home) / apart), key=abs)
     first, last = middle - beside, middle + beside
     if limits.zero_at_home:
@@ -107,12 +110,12 @@ def _text(axis: Axis, at: str, away: str, where: str, form: TableFormat) -> str:
     unit = axis.unit
     return f"""# Probe of {form.title}, axis {axis.name}
 
-The table holds one value, +{SIZE:g} {unit} {at}, and 0 {away}.
+The table holds one value, +{PROBED:g} {unit} {at}, and 0 {away}.
 
 1. Back up the control's compensation data. Without any table, set a dial indicator on {axis.name} at
    {where} and note the reading.
 2. Load the table as described below, home the axes, go to the same position again, and note the reading.
-3. {axis.name} is {SIZE:g} {unit} farther in its positive direction than without the table: values are corrections;
+3. {axis.name} is {PROBED:g} {unit} farther in its positive direction than without the table: values are corrections;
    use --sign correction. In its negative direction: values are errors; use --sign error. Anything else, another size,
    or a change where the table is 0: load no table, and find out why first.
 4. Take the table out again.

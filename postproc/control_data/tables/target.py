@@ -13,14 +13,14 @@ from kinematics.correction import correct_position
 from kinematics.effects import Effect
 from kinematics.effects.base import own_motion
 from kinematics.error_model.model import ErrorModel
-from kinematics.machine import TURN, Axis, Machine
+from kinematics.machine import TURN_DEG, Axis, Machine
 from kinematics.pieces import ErrorMotions
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.control_data.tables.terms import turn_of
 
-PER_WAVE, MOST_POSITIONS = 8, 1601
+PER_WAVE, MOST_TABLE_POSITIONS = 8, 1601
 """Positions on the shortest wave of the errors of an axis; and positions in all."""
 SAMPLES = {1: 96, 2: 32}
 """Positions of the other axes that a mean is taken over, by the number of axes it is a function of."""
@@ -37,7 +37,7 @@ def too_fine(effect: Effect, machine: Machine) -> bool:
     if wave is None:
         return False
     low, high = bounds(machine.axes[machine.index(wave[0])])
-    return wave[1] * MOST_POSITIONS < PER_WAVE * (high - low)
+    return wave[1] * MOST_TABLE_POSITIONS < PER_WAVE * (high - low)
 
 
 def bounds(axis: Axis) -> tuple[float, float]:
@@ -131,14 +131,14 @@ class Target:
         machine = self.machine
         waves = [wave for effect in self.model.effects if (wave := effect.shortest_wave) is not None]
         shortest = min((length for axis, length in waves if axis == machine.names[column]), default=np.inf)
-        n = min(max(n, int(np.ceil(PER_WAVE * np.ptp(self.bounds[column]) / shortest)) + 1), MOST_POSITIONS)
+        n = min(max(n, int(np.ceil(PER_WAVE * np.ptp(self.bounds[column]) / shortest)) + 1), MOST_TABLE_POSITIONS)
         kinks: set[float] = set()
         for effect in self.model.effects:
             if effect.axes[:1] == (machine.names[column],):
                 kinks.update(effect.kinks)
         actual = np.array(sorted(kinks))
         if machine.axes[column].turns_fully:
-            actual = self.bounds[column, 0] + np.mod(actual - self.bounds[column, 0], TURN)
+            actual = self.bounds[column, 0] + np.mod(actual - self.bounds[column, 0], TURN_DEG)
         q = np.tile(self.bounds.mean(axis=1), (len(actual), 1))
         q[:, column] = actual
         commands = actual - self.correction(q * machine.scale)[:, column] / machine.scale[column]

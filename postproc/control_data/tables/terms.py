@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.machine import TURN, Axis, Machine
+from kinematics.machine import TURN_DEG, Axis, Machine
 from kinematics.transforms import Array
 
 Positions = Callable[[str], Array]
@@ -126,13 +126,13 @@ def into_the_turn(axis: Axis, x: Array) -> Array:
     if not axis.turns_fully:
         return x
     low = turn_of(axis)[0]
-    return np.where((x >= low) & (x <= low + TURN), x, low + np.mod(x - low, TURN))
+    return np.where((x >= low) & (x <= low + TURN_DEG), x, low + np.mod(x - low, TURN_DEG))
 
 
 def turn_of(axis: Axis) -> tuple[float, float]:
     """The turn that tables of an axis are over, degrees: its travel where that is one turn."""
     low, high = axis.travel
-    return (low, high) if high - low == TURN else (0.0, TURN)
+    return (low, high) if high - low == TURN_DEG else (0.0, TURN_DEG)
 
 
 def _share(nodes: Array, x: Array) -> tuple[np.ndarray, Array]:

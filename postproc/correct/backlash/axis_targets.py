@@ -25,9 +25,9 @@ from postproc.motion.reversals import known_before, needs_direction
 
 PRECISION = 0.1
 """Last step of the iteration that finds targets, as a fraction of the dead band."""
-PASSES = 6
+MOST_SIDE_PASSES = 6
 """Most repetitions with the sides found before; without play across guides the second one changes nothing."""
-ALIKE = 1e-7
+SAME_SIDE_TARGET = 1e-7
 """mm or rad: a smaller difference of targets changes no side."""
 
 
@@ -88,7 +88,7 @@ class ChunkTargets:
         """The sides of the play in the chunk, and the drives after it; `drives`: before it."""
         after = drives.copied()
         found = after.follow(self.now)
-        for _ in range(PASSES):
+        for _ in range(MOST_SIDE_PASSES):
             if not self._improve(drives, found):
                 break
             after = drives.copied()
@@ -114,7 +114,7 @@ class ChunkTargets:
             straight = (1.0 - share) * starts[row] + share * ahead[row]
             self.now = self.now._replace(drift=self._positions(starts, ahead) - self.now.axis - straight)
         moved = max(float(np.abs(new - old).max()) for new, old in ((self.now.axis, axis), (self.now.drift, drift)))
-        return moved > ALIKE
+        return moved > SAME_SIDE_TARGET
 
     def _corrected(self, approach: Array) -> Correction:
         """The correction of the ends of moves with these sides `(n, axes)`: anew where they are others than before."""

@@ -22,9 +22,9 @@ from postproc.motion.path_points import PathPoints
 
 PUSHED = 1e-7
 """mm or rad: an axis that ends so near to its target is there."""
-BISECTIONS = 24
+SIDE_BISECTIONS = 24
 """Steps of the search for the side at the end of a move: to 1e-7 of the play."""
-MANY = 32
+COLUMN_MOVES = 32
 """Number of moves of one point each from which columns take less time than one move after the other."""
 
 
@@ -110,7 +110,7 @@ def _follow(drive: Drive, targets: Targets, axis: int, found: Sides) -> None:
     row = 0
     while row < n:
         end = int(changes[np.searchsorted(changes, row, side="right")])
-        if kind[row] and end - row >= MANY:
+        if kind[row] and end - row >= COLUMN_MOVES:
             run = slice(begins[row], begins[row] + end - row)
             first, last = drive.follow_together(at[run], half[run], bool(chosen[row]), bool(kept[row]))
             found.first[row : row + len(first)], found.last[row : row + len(last)] = first, last
@@ -259,7 +259,7 @@ def _root(beyond: Callable[[float], float], half: float) -> float:
     for end in (low, high):
         if abs(beyond(end)) < PUSHED:
             return end
-    for _ in range(BISECTIONS):
+    for _ in range(SIDE_BISECTIONS):
         middle = (low + high) / 2.0
         low, high = (low, middle) if beyond(middle) > 0.0 else (middle, high)
     return (low + high) / 2.0

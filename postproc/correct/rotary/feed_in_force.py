@@ -9,7 +9,7 @@ from typing import NamedTuple, overload
 import numpy as np
 
 from postproc.control.codes import DWELL
-from postproc.siemens.codes import FEED_MODES
+from postproc.siemens.codes import FEED_TYPES
 from postproc.text.block import Block
 from postproc.text.blocks import Blocks
 
@@ -78,7 +78,7 @@ def _known(value: float) -> float | None:
 def _after(block: Block, feed: Feed) -> Feed:
     """The feed in force after the words of a block."""
     for word in block.words:
-        if word.address == "G" and word.value in FEED_MODES and word.value != feed.mode:
+        if word.address == "G" and word.value in FEED_TYPES and word.value != feed.mode:
             feed = feed._replace(value=None, mode=word.value)
     if "FGROUP" in block.text.upper():
         feed = feed._replace(grouped=True)

@@ -21,9 +21,9 @@ from postproc.motion.motions import Motions
 from postproc.motion.segments import arc_ends
 from postproc.text.notes import Notes
 
-WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
+COMPARED_SHARES, COMPARED_END = (0.25, 0.5, 0.75), (1.0,)
 """Shares of the move whose largest errors are compared."""
-SMALL = 0.1
+LARGEST_ARC_CORRECTION = 0.1
 """Correction of the end of an arc, as a share of its radius and of its chord, above which the end keeps it.
 
 The start is corrected: about the same centre there would be no circle through both."""
@@ -76,7 +76,7 @@ def _too_small(motions: Motions, row: int, correction: Correction) -> bool:
     plane = list(arc.plane[:2])
     start, end = arc_ends(motions, row)
     shift = (correction.target - motions.target)[row, plane]
-    return bool(np.hypot(*shift) > SMALL * min(math.dist(start, end), math.dist(start, arc.centre)))
+    return bool(np.hypot(*shift) > LARGEST_ARC_CORRECTION * min(math.dist(start, end), math.dist(start, arc.centre)))
 
 
 def _worse(
@@ -100,6 +100,6 @@ def _worse(
             found = np.maximum(found, pose_errors(motions.machine, model, q, nominal, tool, states, shift).point_um)
         return found
 
-    pairs = [(largest(shares, 0.0), largest(shares, kept)) for shares in (WITHIN, AT_END)]
+    pairs = [(largest(shares, 0.0), largest(shares, kept)) for shares in (COMPARED_SHARES, COMPARED_END)]
     rounding_um = motions.machine.rounding_mm * 1e3
     return np.asarray(np.any([after > before + rounding_um for before, after in pairs], axis=0))

@@ -14,7 +14,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from kinematics.machine import TURN, NDArrayBool
+from kinematics.machine import TURN_DEG, NDArrayBool
 from kinematics.user_error import UserError
 from postproc.control.channel import LEANS
 from postproc.control.tool_table import shown_tool
@@ -39,14 +39,14 @@ from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import NO_INSERTION
 from postproc.write.editors import Rewrite
 
-SHARE = 0.5
+LINEARISATION_SHARE = 0.5
 """Share of the tolerance for the linearisation; the rest is for the correction and for rounding."""
 RAPID_MM = 0.1
 """Largest deviation of a rapid from its path under TCP."""
 PATHS = (Kind.RAPID, Kind.LINE, Kind.ARC)
 POSITIONED = (*PATHS, Kind.CYCLE)
 """Kinds of moves that get the other coordinates."""
-HALF_TURN = TURN / 2.0 - 1e-3
+ONE_WAY_TURN_DEG = TURN_DEG / 2.0 - 1e-3
 """Degrees: a rotary axis that turns by less has one way only."""
 STANDS_MM = 1e-7
 """An axis that moves by less stands still."""
@@ -181,7 +181,9 @@ class Conversion:
     def _refuse(self, motions: Motions, rows: NDArrayBool) -> None:
         """Refusal for a move that has no form in the other coordinates."""
         turned = np.array([frame.turn is not None for frame in motions.frames], bool)[motions.frame]
-        suspect = turned | ~np.isin(motions.kind, (*PATHS, Kind.MACHINE)) | (turns(motions) > HALF_TURN).any(axis=1)
+        suspect = (
+            turned | ~np.isin(motions.kind, (*PATHS, Kind.MACHINE)) | (turns(motions) > ONE_WAY_TURN_DEG).any(axis=1)
+        )
         suspect[[row for name in REFUSED for row in getattr(motions, name)]] = True
         for row in np.flatnonzero(rows & suspect).tolist():
             block = motions.blocks[int(motions.block[row])]
@@ -217,7 +219,7 @@ class Conversion:
         self, motions: Motions, moved: NDArrayBool, bent: NDArrayBool, varied: frozenset[int], rewrite: Rewrite
     ) -> dict[int, list[float]]:
         """Where the moves are cut; Refusal for a move that cannot be. bent `(n,)`: arcs that become straight lines."""
-        limit = max(SHARE * 1e-3 * self._job.tolerance_um, self._machine.rounding_mm)
+        limit = max(LINEARISATION_SHARE * 1e-3 * self._job.tolerance_um, self._machine.rounding_mm)
         rapid = motions.kind == Kind.RAPID
         turned = bends(motions, np.flatnonzero(bent).tolist())
         cuts = cuts_within(motions, np.flatnonzero(moved & ~rapid), turned, limit)
@@ -298,7 +300,7 @@ def _direction_open(block: Block, motions: Motions, row: int, axis: int) -> Refu
     """Why the direction of a turn is not known, and what states it."""
     machine, target = motions.machine, float(motions.target[row, axis])
     name, (low, high) = machine.names[axis], machine.axes[axis].travel
-    back = target - math.copysign(TURN, target - motions.start[row, axis])
+    back = target - math.copysign(TURN_DEG, target - motions.start[row, axis])
     at = back + motions.frames[motions.frame[row]].offset[axis]
     if not low <= at <= high:
         return block.refuse(

@@ -17,10 +17,10 @@ from kinematics.user_error import UserError
 from postproc.correct.job import Job
 from postproc.correct.rotary.feed_in_force import FEED_IS_KNOWN, PER_MINUTE, Feed, FeedsInForce
 from postproc.correct.tcp.path import turns
-from postproc.motion.circles import SAME
+from postproc.motion.circles import SAME_POINT_MM
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Paced
-from postproc.siemens.codes import CYCLES, FEED_MODES
+from postproc.siemens.codes import CYCLES, FEED_TYPES
 from postproc.text.block import Block, Edit, Word
 from postproc.text.blocks import PlainRun
 from postproc.text.number_style import decimals_holding
@@ -28,7 +28,7 @@ from postproc.write.added_blocks import SINGLE_FEEDS, feed_index
 from postproc.write.editors import Rewrite
 from postproc.write.rotary_feed import RESTORED
 
-ENDS = frozenset((2.0, 6.0, 17.0, 30.0, 99.0))
+ENDING_M_FUNCTIONS = frozenset((2.0, 6.0, 17.0, 30.0, 99.0))
 """M functions of the end of a program and of a tool change."""
 SILENT = frozenset("NSM")
 """Addresses of words to which the feed mode does not matter."""
@@ -87,7 +87,7 @@ class Feeds:
         """Add the times of the moves of one block to `paced`."""
         nominal, rewrite, own = part.nominal, part.rewrite, part.rows(index)
         feed = part.feeds[index]
-        modes = [word for word in block.words if word.address == "G" and word.value in FEED_MODES]
+        modes = [word for word in block.words if word.address == "G" and word.value in FEED_TYPES]
         for row in (row for row in own if part.moved[row] and part.cuts[row]):
             found = self._paced(nominal, row, feed, turns=bool(part.turned[row]))
             if found is not None and (nominal.kind[own] == Kind.MACHINE).any():
@@ -160,7 +160,7 @@ class Feeds:
         if not self.timed:
             return moves or bool(modes) or any(word.address in CYCLES for word in block.words)
         silent = all(word.address in SILENT for word in block.words) and block.kind in ("words", "blank")
-        return not silent or any(word.address == "M" and word.value in ENDS for word in block.words)
+        return not silent or any(word.address == "M" and word.value in ENDING_M_FUNCTIONS for word in block.words)
 
     def _restore(self, index: int, block: Block, feed: Feed, modes: list[Word], rewrite: Rewrite) -> None:
         """Restore the feed of the program before a block."""
@@ -208,10 +208,10 @@ class Feeds:
         angle = np.linalg.norm(way[:, self._machine.rotary], axis=1)
         straight = np.linalg.norm(way[:, list(self._machine.translators)], axis=1)
         path = np.where(nominal.kind[rows] == Kind.ARC, nominal.path_lengths[rows], straight) / nominal.unit[rows]
-        both = (angle > SAME) & (path > SAME) & self._to_tcp
+        both = (angle > SAME_POINT_MM) & (path > SAME_POINT_MM) & self._to_tcp
         if self._family == "fanuc":
             path = np.where(both, np.hypot(path, angle), path)
-        minutes = np.maximum(np.where(path > SAME, path, angle) / feeds, LEAST_MINUTES)
+        minutes = np.maximum(np.where(path > SAME_POINT_MM, path, angle) / feeds, LEAST_MINUTES)
         return minutes, both & (self._family not in FEED_IS_KNOWN)
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.machine import TURN, NDArrayBool
+from kinematics.machine import TURN_DEG, NDArrayBool
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.motion.along import positions_along
@@ -20,12 +20,12 @@ from postproc.motion.motions import Motions
 
 STEP_DEG = 10.0
 """Largest turn of the rotary axes in a segment: the deviation of a shorter one is that of a parabola to 1 %."""
-MARGIN = 1.05
+UNSAMPLED_FACTOR = 1.05
 """Factor on the largest sampled deviation, for the deviation between the samples."""
-QUARTERS = 4
+STEPS_OF_SEGMENT = 4
 """Steps in each segment at which the deviation is sampled."""
-ROUNDS = 12
-MOST = 20_000
+SUBDIVISION_ROUNDS = 12
+MOST_SEGMENTS = 20_000
 """Most segments of a move."""
 
 
@@ -71,17 +71,19 @@ def cuts_within(motions: Motions, rows: np.ndarray, turned: Array, limit_mm: flo
         return {}
     count = np.maximum(np.ceil(turned[rows] / STEP_DEG), 1.0).astype(int)
     todo = np.arange(len(rows))
-    for _ in range(ROUNDS):
-        deviation = MARGIN * deviations(motions, rows[todo], count[todo])
+    for _ in range(SUBDIVISION_ROUNDS):
+        deviation = UNSAMPLED_FACTOR * deviations(motions, rows[todo], count[todo])
         beyond = deviation > limit_mm
         if not beyond.any():
             break
         todo = todo[beyond]
         factor = np.maximum(np.sqrt(deviation[beyond] / limit_mm), 1.02)
         count[todo] = np.maximum(np.ceil(count[todo] * factor), count[todo] + 1)
-        if (count > MOST).any():
+        if (count > MOST_SEGMENTS).any():
             line = int(motions.line[rows[np.argmax(count)]])
-            raise UserError(f"line {line}: the move needs more than {MOST} segments: give a larger --tolerance-um")
+            raise UserError(
+                f"line {line}: the move needs more than {MOST_SEGMENTS} segments: give a larger --tolerance-um"
+            )
     return {
         int(row): [i / n for i in range(1, n)] for row, n in zip(rows.tolist(), count.tolist(), strict=True) if n > 1
     }
@@ -92,7 +94,7 @@ def deviations(motions: Motions, rows: np.ndarray, count: np.ndarray) -> Array:
 
     count `(k,)`: number of equal segments of each row.
     """
-    machine, steps = motions.machine, count * QUARTERS
+    machine, steps = motions.machine, count * STEPS_OF_SEGMENT
     ends = np.cumsum(steps + 1)
     first = ends - steps - 1
     step = np.arange(int(ends[-1])) - np.repeat(first, steps + 1)
@@ -101,9 +103,9 @@ def deviations(motions: Motions, rows: np.ndarray, count: np.ndarray) -> Array:
     q = part.in_machine(positions_along(motions, np.repeat(rows, steps + 1), share))
     other = replace(part, frames=[other_frame(machine, each) for each in part.frames])
     points = other.in_program(q)[:, list(cartesian(machine))]
-    low = np.arange(len(step)) - step % QUARTERS
-    high = np.minimum(low + QUARTERS, np.repeat(ends - 1, steps + 1))
-    weight = (step % QUARTERS / QUARTERS)[:, None]
+    low = np.arange(len(step)) - step % STEPS_OF_SEGMENT
+    high = np.minimum(low + STEPS_OF_SEGMENT, np.repeat(ends - 1, steps + 1))
+    weight = (step % STEPS_OF_SEGMENT / STEPS_OF_SEGMENT)[:, None]
     apart = np.linalg.norm(points - (points[low] + weight * (points[high] - points[low])), axis=1)
     return np.asarray(np.maximum.reduceat(apart, first))
 
@@ -134,7 +136,7 @@ def shares(motions: Motions, program: Array) -> NDArrayBool:
     found = np.zeros((len(program), 3, 3), bool)
     for column, axis in enumerate(x_y_z):
         beside = program.copy()
-        beside[:, axis] += TURN
+        beside[:, axis] += TURN_DEG
         moved = other.in_program(motions.in_machine(beside))[:, x_y_z] - at
-        found[:, :, column] = np.abs(moved) > 1e-9 * TURN
+        found[:, :, column] = np.abs(moved) > 1e-9 * TURN_DEG
     return found

@@ -22,7 +22,7 @@ from postproc.text.source import ENCODING, HEAD_SIZE, Source
 
 ANYWHERE_UM = 1e12
 """More than any coordinate: a conversion gives positions numbers of its own."""
-SAME = 1e-6
+SAME_READ_BACK = 1e-6
 """Largest difference of equal positions, mm and rad."""
 
 
@@ -80,7 +80,7 @@ class ReadBack:
             meant = wanted[done : done + len(found)]
             done += len(found)
             apart = np.abs(found[: len(meant)] - meant).max(axis=1, initial=0.0)
-            wrong = np.flatnonzero(apart > SAME)
+            wrong = np.flatnonzero(apart > SAME_READ_BACK)
             if len(wrong) or len(meant) < len(found):
                 row = int(wrong[0]) if len(wrong) else len(meant)
                 line = int(motions.line[np.flatnonzero(motions.kind != Kind.PRESET)[row]])

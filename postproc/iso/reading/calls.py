@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from postproc.control.codes import LARGEST
+from postproc.control.codes import LARGEST_CODE
 from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, Expression, Operation
 from postproc.text.statements import Call, Code, EndModal, Modal, Return, Step
@@ -153,8 +153,8 @@ def _program(block: Block, code: str, taken: dict[str, Word]) -> Expression:
     if "P" not in taken:
         raise block.refuse(f"{code} needs P, the number of the program: write it")
     name = taken["P"]
-    if name.value is not None and not (name.value == int(name.value) and 0 <= name.value < LARGEST):
-        raise block.refuse(f"P is not the number of a program: write a whole number from 0 to below {LARGEST:g}")
+    if name.value is not None and not (name.value == int(name.value) and 0 <= name.value < LARGEST_CODE):
+        raise block.refuse(f"P is not the number of a program: write a whole number from 0 to below {LARGEST_CODE:g}")
     return _value(name)
 
 

@@ -10,7 +10,7 @@ from postproc.iso.reading.blocks import plain_block
 from postproc.iso.reading.calls import CALLS, with_calls
 from postproc.text.block import Block, Refusal
 
-LONGEST = 100
+MOST_LEADER_LINES = 100
 """Largest number of lines of a leader, and of lines that are examined after it."""
 DETAIL = "leader"
 
@@ -24,8 +24,8 @@ class Leader(str):
 def join_lines(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     """Numbered lines, those of a leader and of the tape mark behind it as one."""
     remaining = iter(lines)
-    first = list(itertools.islice(remaining, 2 * LONGEST))
-    end = next((i for i, (_, text) in enumerate(first[:LONGEST]) if text.lstrip("\0 \t").startswith("%")), 0)
+    first = list(itertools.islice(remaining, 2 * MOST_LEADER_LINES))
+    end = next((i for i, (_, text) in enumerate(first[:MOST_LEADER_LINES]) if text.lstrip("\0 \t").startswith("%")), 0)
     goes_on = any(text.strip() for _, text in first[end + 1 :])
     if end and goes_on and _is_leader(first[:end]):
         yield first[0][0], Leader("".join(text for _, text in first[: end + 1]))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from postproc.siemens.variables import EMPTY, MOST, SiemensVariables
+from postproc.siemens.variables import EMPTY, MOST_FIELD_ELEMENTS, SiemensVariables
 from postproc.text.expressions import Expression, NotKnown, Operation, Scope, Value, Variable, evaluate, whole
 
 
@@ -128,7 +128,7 @@ def _repeated(values: Operation, scope: Scope, elements: Callable[[], int]) -> l
     if not values.operands:
         raise NotKnown("REP has no value: write one in its parentheses")
     times = whole(values.operands[1], scope) if len(values.operands) > 1 else elements()
-    return [_known(values.operands[0], scope)] * min(times, MOST)
+    return [_known(values.operands[0], scope)] * min(times, MOST_FIELD_ELEMENTS)
 
 
 def _known(expression: Expression, scope: Scope) -> Value | NotKnown:

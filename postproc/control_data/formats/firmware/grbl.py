@@ -11,7 +11,7 @@ from postproc.control_data.tables.content import Content, number
 from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.table_format import TableFormat
 
-DIGITS = 8
+MAX_INT_DIGITS = 8
 """Digits of a setting that grbl reads (MAX_INT_DIGITS of nuts_bolts.c); it drops the others."""
 
 
@@ -33,7 +33,7 @@ def write(content: Content) -> dict[str, str]:
     rows = []
     for axis, steps in present.items():
         value = steps * (1.0 + scales.get(axis, 0.0))
-        rows.append(f"${AXES[axis]}={number(value, DIGITS - len(str(int(value))))}\n")
+        rows.append(f"${AXES[axis]}={number(value, MAX_INT_DIGITS - len(str(int(value))))}\n")
     return {"grbl.txt": "".join(rows)}
 
 

@@ -18,7 +18,7 @@ from postproc.control_data.readers.firmware.read_klipper_and_reprap import read_
 from postproc.control_data.readers.firmware.skew import skew_of
 from postproc.control_data.tables.content import Content, number
 from postproc.control_data.tables.limits import Limits
-from postproc.control_data.tables.mesh_moves import DEFAULT, FINEST, Segments
+from postproc.control_data.tables.mesh_moves import DEFAULT, KLIPPER_FINEST, Segments
 from postproc.control_data.tables.table_format import TableFormat
 
 
@@ -79,7 +79,7 @@ those at the ends of moves; along a move this comes on top."""
 
 def along_moves_of_klipper(content: Content) -> str:
     """How far Klipper's moves are from this mesh; nothing without a mesh."""
-    by_default, finest = (departure_um(content, each) for each in (DEFAULT, FINEST))
+    by_default, finest = (departure_um(content, each) for each in (DEFAULT, KLIPPER_FINEST))
     if by_default is None:
         return ""
     return f"""\
@@ -90,8 +90,8 @@ move_check_distance {DEFAULT.move_check_distance:g} mm), and up to {finest:.1f} 
 accepts: write
 
     [bed_mesh]
-    split_delta_z: {FINEST.split_delta_z:g}
-    move_check_distance: {FINEST.move_check_distance:g}
+    split_delta_z: {KLIPPER_FINEST.split_delta_z:g}
+    move_check_distance: {KLIPPER_FINEST.move_check_distance:g}
 
 into printer.cfg. The remaining errors below are those at the ends of moves; along a move this comes on top."""
 

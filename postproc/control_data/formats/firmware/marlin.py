@@ -22,7 +22,7 @@ from postproc.control_data.tables.limits import Limits
 from postproc.control_data.tables.mesh_moves import Cells
 from postproc.control_data.tables.table_format import TableFormat
 
-LARGEST = 1.0
+SKEW_FACTOR_MAX = 1.0
 """SKEW_FACTOR_MAX: Marlin ignores a factor beyond it."""
 MESH_DECIMALS = 5
 """As M503 prints the heights of a mesh."""
@@ -44,8 +44,8 @@ def write(content: Content) -> dict[str, str]:
     """`marlin.gcode`: M852, and a row M421 for each point of the mesh."""
     factors = dict(zip("IJK", skew_of(tangents(content)), strict=True))
     for letter, value in factors.items():
-        if abs(value) > LARGEST:
-            raise UserError(f"Marlin ignores a skew factor beyond {LARGEST:g}, and {letter} would be {value:g}")
+        if abs(value) > SKEW_FACTOR_MAX:
+            raise UserError(f"Marlin ignores a skew factor beyond {SKEW_FACTOR_MAX:g}, and {letter} would be {value:g}")
     letters = "IJK" if content.settings.skew == "xyz" else "I"
     rows = ["G21", " ".join(["M852", *(f"{letter}{number(factors[letter], 10)}" for letter in letters)])]
     mesh = mesh_of(content)

@@ -10,7 +10,7 @@ from postproc.control_data.readers.control_source import Source, numbers, refusa
 
 AXES = {"X": 100, "Y": 101, "Z": 102}
 """Number of the setting of each axis."""
-MOST_STEPS = 1e7
+MOST_STEPS_PER_MM = 1e7
 """Steps per mm: grbl reads 8 digits of a number."""
 _SETTING = re.compile(r"\s*\$(\d+)\s*=\s*([^\s(;]*)")
 
@@ -22,7 +22,7 @@ def steps_of(text: str) -> dict[str, float]:
     for part in text.split(","):
         axis, _, value = part.partition(":")
         (steps,) = numbers([value or "0"], "--set steps", 1, part)
-        if axis not in AXES or axis in found or not 0.0 < steps < MOST_STEPS:
+        if axis not in AXES or axis in found or not 0.0 < steps < MOST_STEPS_PER_MM:
             raise UserError(said)
         found[axis] = steps
     return {axis: found[axis] for axis in AXES if axis in found}
