@@ -151,8 +151,9 @@ def correct_orientation(machine: Machine, errors: Errors, nominal: Array, movabl
     """Axis positions `(n, axes)` with the movable rotary axes turned so that the actual tool axis is the nominal one.
 
     FOR of ISO/TR 16907, as far as the rotary axes reach: about its own axis a tool needs no correction. Damped least
-    squares, |tool axis error|^2 + `POLE_DAMPING_RAD`^2 |turn|^2 -> min, Gauss-Newton: beside a pole, where a rotary axis would
-    have to turn far to tilt the tool a little, it turns at most error / (2 `POLE_DAMPING_RAD`), and on the pole not at all.
+    squares, |tool axis error|^2 + `POLE_DAMPING_RAD`^2 |turn|^2 -> min, Gauss-Newton: beside a pole, where a rotary
+    axis would have to turn far to tilt the tool a little, it turns at most error / (2 `POLE_DAMPING_RAD`), and on the
+    pole not at all.
     """
     rotary = np.flatnonzero(machine.rotary)
     n = len(nominal)

@@ -1,10 +1,10 @@
 """Error motions at constant conditions as piecewise polynomials of the position of each axis.
 
-A table holds the six error motions of an axis, in its error frame, on the union of the nodes of all its
-effects; pieces are halved until they agree with `ErrorModel.errors` to `EXACT_MM`. Effects that depend on the direction of
-approach have a table of their own, with pieces for each direction. Effects that no table holds (of several axes, with
-jumps, with a memory of the moves) are evaluated as they are and added. Beyond the reach of its tables, an axis whose
-errors repeat with the turn is looked up a whole number of turns back.
+A table holds the six error motions of an axis, in its error frame, on the union of the nodes of all its effects; pieces
+are halved until they agree with `ErrorModel.errors` to `EXACT_MM`. Effects that depend on the direction of approach
+have a table of their own, with pieces for each direction. Effects that no table holds (of several axes, with jumps,
+with a memory of the moves) are evaluated as they are and added. Beyond the reach of its tables, an axis whose errors
+repeat with the turn is looked up a whole number of turns back.
 """
 
 from __future__ import annotations
@@ -123,8 +123,8 @@ class ErrorMotions:
     def at(self, q: Array, approach: Array | None = None) -> Array:
         """Error motions `(n, axes + 1, 6)` at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`.
 
-        As `ErrorModel.errors` at the constant conditions, to `EXACT_MM`; a row by the same steps, whichever rows there are
-        beside it. UserError if the model needs directions and there are none.
+        As `ErrorModel.errors` at the constant conditions, to `EXACT_MM`; a row by the same steps, whichever rows there
+        are beside it. UserError if the model needs directions and there are none.
         """
         near = self._turned_back(q)
         held = self._held(near, approach)

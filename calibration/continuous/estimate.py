@@ -213,7 +213,7 @@ def _courses(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
 
 
 def _converged(shapes: Mapping[int, Shape], found: Fused) -> bool:
-    """True if the fitted lines shift the positions so little that errors change by less than `POSITION_TOLERANCE_UM`."""
+    """True if the fitted lines shift the positions so little that errors change by less than the tolerance."""
     for sign, shape in shapes.items():
         offset, slope = found.lines[sign]
         ends = np.array(shape.interval)

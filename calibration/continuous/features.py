@@ -167,7 +167,7 @@ def _parts(course: Course, error: Array, period: float) -> list[complex]:
 
 
 def _keeps_phase(parts: np.ndarray) -> bool:
-    """True if parts `(runs, parts)` agree in phase more than random ones, with probability `RANDOM_PHASES_P` of a wrong result.
+    """True if parts `(runs, parts)` agree in phase more than random ones (`RANDOM_PHASES_P`).
 
     The parts of one run at least must agree: a vibration loses its phase.
     """

@@ -3,11 +3,11 @@
 Speeds are differences of means over a span of samples, long enough that noise and short waves of the axis are small
 against the feed. The plateau is the longest segment within a tolerance of the usual speed.
 
-At its start, the ramp is assumed to decay with the time constant that the speed shows between `RAMP_DEVIATION` and the tolerance;
-the segment begins when the effect of the ramp on the displacement is below TAIL_MM. The speed takes some time from the
-tolerance to `RAMP_DEVIATION` at the final ramp; the segment ends earlier than the plateau by the same time. Ends that vibrate more
-than the middle are then left out. The test of Miller et al. 2017, 4.1 (all samples within two standard deviations)
-rejects normal noise and neglects the tails.
+At its start, the ramp is assumed to decay with the time constant that the speed shows between `RAMP_DEVIATION` and the
+tolerance; the segment begins when the effect of the ramp on the displacement is below TAIL_MM. The speed takes some
+time from the tolerance to `RAMP_DEVIATION` at the final ramp; the segment ends earlier than the plateau by the same
+time. Ends that vibrate more than the middle are then left out. The test of Miller et al. 2017, 4.1 (all samples within
+two standard deviations) rejects normal noise and neglects the tails.
 """
 
 from __future__ import annotations

@@ -140,8 +140,8 @@ def disagreement(found: Fit) -> str:
     fate += [f"{stay} of them stay in the fit and in every figure"] if stay else []
     return (
         f"{number} of {rows} rows ({100 * number / rows:.0f} %) disagree with the others by more than noise allows, "
-        f"more than the {100 * OUTLIER_SHARE:g} % that may be outliers: {'; '.join(fate)}. The model lacks an effect, or "
-        "something happened during the measurement: find it, or remove these rows from the file; --force writes the "
+        f"more than the {100 * OUTLIER_SHARE:g} % that may be outliers: {'; '.join(fate)}. The model lacks an effect, "
+        "or something happened during the measurement: find it, or remove these rows from the file; --force writes the "
         "calibration nevertheless"
     )
 

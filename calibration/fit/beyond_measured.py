@@ -51,14 +51,15 @@ def calibration_file(model: ErrorModel, machine: Machine) -> bytes:
 
 
 def check_beyond_measured(model: ErrorModel, machine: Machine) -> None:
-    """UserError, naming the first error motion that grows outside the measured range by more than `CHANGE_SHARE` and FLOOR."""
+    """UserError, naming the first error motion that grows by more than `CHANGE_SHARE` and FLOOR outside its range."""
     for growth in growths(model, machine):
         if growth.outside > max(CHANGE_SHARE * growth.inside, FLOOR):
             raise UserError(
                 f"no calibration is written: {growth.name} changes by {growth.inside:.3g} {growth.unit} in the "
                 f"measured range ({growth.measured}) and by {growth.outside:.3g} {growth.unit} more outside "
-                f"(at {growth.where:.4g}), more than {CHANGE_SHARE:.0%} and {FLOOR:g} {growth.unit}: measure the axis over "
-                "its travel, or leave out the effect that causes it (a wobble, a wave, a product with another axis)"
+                f"(at {growth.where:.4g}), more than {CHANGE_SHARE:.0%} and {FLOOR:g} {growth.unit}: measure the "
+                "axis over its travel, or leave out the effect that causes it (a wobble, a wave, a product with "
+                "another axis)"
             )
 
 

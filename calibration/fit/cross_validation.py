@@ -308,8 +308,8 @@ def less_columns(values: Array, columns: Array) -> Array:
 def diagonals(measurement: Measurement) -> np.ndarray | None:
     """Numbers `(n,)` of the lines on which the positions lie; None unless these are a few diagonals.
 
-    On a diagonal two or more linear axes move. A few (`FEWEST_DIAGONALS` to `MOST_DIAGONALS`) diagonals determine the errors between
-    them poorly.
+    On a diagonal two or more linear axes move. A few (`FEWEST_DIAGONALS` to `MOST_DIAGONALS`) diagonals determine the
+    errors between them poorly.
     """
     if measurement.axis is not None or measurement.across is not None:
         return None

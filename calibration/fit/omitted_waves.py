@@ -83,7 +83,7 @@ class OmittedWaves:
         return replace(self.beside(found), model=self.uncertain(self.model))
 
     def findings(self, *, chosen: bool) -> Iterator[Finding]:
-        """A finding for each axis whose next wave is `REPORTED_ODDS` times as likely as none; chosen: as of `left_out`."""
+        """A finding for each axis whose next wave reaches `REPORTED_ODDS` against none; chosen: as of `left_out`."""
         other = "" if chosen else ", or leave out --basis"
         waves = list(self._waves())
         for axis in dict.fromkeys(effect.axis for effect, _ in waves):

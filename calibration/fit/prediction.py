@@ -117,7 +117,7 @@ class Prediction(Shown):
         return self._whole[1]
 
     def relative(self) -> RelativeDeviation:
-        """Deviations relative to their mean, with their uncertainties, at no more than `MOST_STATES_COMPARED` of the states."""
+        """Deviations relative to their mean, with their uncertainties, at `MOST_STATES_COMPARED` states or fewer."""
         return relative_at_most(self.model, self.machine, self.state, self.tool)
 
     @property

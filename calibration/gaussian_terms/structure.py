@@ -194,8 +194,8 @@ class Structure:
     def _log_widths(self) -> float:
         """Log of the share of the prior of each term's size that the data leave (Laplace), all terms together.
 
-        The logarithm of a size is as likely anywhere over the range of `SIZES_IN_TYPICAL`; m determined coefficients leave it a
-        variance of 1 / (2 m).
+        The logarithm of a size is as likely anywhere over the range of `SIZES_IN_TYPICAL`; m determined coefficients
+        leave it a variance of 1 / (2 m).
         """
         if not self.terms:
             return 0.0

@@ -96,7 +96,7 @@ class Table:
         raise UserError(f"{self.source}{f':{line}' if line else ''} {key}: {reason}")
 
     def header_numbers(self, key: str, count: int) -> tuple[float, ...]:
-        """`count` numbers up to `LARGEST_NUMBER` in a header line, separated by blanks or commas; UserError for other values."""
+        """`count` numbers up to `LARGEST_NUMBER` in a header line, separated by blanks or commas; else UserError."""
         cells = self.entries[key].value.replace(",", " ").split()
         values = [number_of(cell) for cell in cells]
         if len(values) != count or None in values:

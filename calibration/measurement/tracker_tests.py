@@ -159,8 +159,8 @@ def read_tests(path: Path) -> TrackerTests:
         )
     if not np.any(np.abs(value) > LEAST_TRACKER_UM):
         raise UserError(
-            f"{table.source}: every {name} is below {LEAST_TRACKER_UM:g} um, less than the errors of any tracker: is the unit "
-            "um?"
+            f"{table.source}: every {name} is below {LEAST_TRACKER_UM:g} um, less than the errors of any tracker: is "
+            "the unit um?"
         )
     return TrackerTests(kind, np.stack([starts, ends], axis=1), along, value, coverage, str(path))
 

@@ -205,8 +205,8 @@ def _constants(machine: Machine, model: ErrorModel) -> np.ndarray:
 def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
     """Target positions of an axis, mm or degrees, that the runs of an interferometer visit again and again; else empty.
 
-    They are as many as `MEAN_REPEATS` allows, as in a test by ISO 230-2. Empty also for an axis that turns fully: its errors
-    repeat with the turn.
+    They are as many as `MEAN_REPEATS` allows, as in a test by ISO 230-2. Empty also for an axis that turns fully: its
+    errors repeat with the turn.
     """
     if measurement.axis is None or measurement.machine.axes[measurement.machine.index(axis)].turns_fully:
         return []
@@ -217,7 +217,7 @@ def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
 
 
 def is_log(measurement: Measurement, axis: str) -> bool:
-    """True for an axis that an interferometer, or another reference of one axis, observed at `LOGGED_POSITIONS` positions or more.
+    """True for an axis that a reference of one axis (interferometer) observed at `LOGGED_POSITIONS` or more.
 
     Its positions show waves of any length, so that no basis has to.
     """

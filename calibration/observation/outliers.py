@@ -6,9 +6,9 @@ when so large a d2 occurs in fewer than one of a hundred such measurements with 
 row's components). During the iterations of the fit, rows have Huber's weights instead. A station most of whose rows are
 outliers has failed as a whole and is left out, unless such stations hold more than half of the rows.
 
-At most `OUTLIER_SHARE` of the other rows are left out. If more rows disagree, the model is at fault and not single rows: a fit
-without them would have small residuals because it leaves out the rows that it cannot explain. Then all rows stay, and
-count fully in every figure; the fit keeps Huber's weights.
+At most `OUTLIER_SHARE` of the other rows are left out. If more rows disagree, the model is at fault and not single
+rows: a fit without them would have small residuals because it leaves out the rows that it cannot explain. Then all rows
+stay, and count fully in every figure; the fit keeps Huber's weights.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class LeftOut(NamedTuple):
     failed: tuple[str, ...]
     """Stations that failed as a whole."""
     suspected: np.ndarray
-    """True `(n,)` for rows that disagree with the others but stay, because they are more than `OUTLIER_SHARE` of all."""
+    """True `(n,)` for rows that disagree with the others but stay, because they are more than `OUTLIER_SHARE`."""
 
     @classmethod
     def of(cls, measurement: Measurement, outlying: np.ndarray, *, stay: bool = False) -> LeftOut:

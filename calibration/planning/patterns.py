@@ -171,5 +171,6 @@ def _once(positions: Array, line: np.ndarray) -> Points:
 def _check(points: float) -> None:
     if points > MOST_PLANNED_POINTS:
         raise UserError(
-            f"a spacing that makes {points:.3g} points, more than the limit of {MOST_PLANNED_POINTS}: choose a larger spacing"
+            f"a spacing that makes {points:.3g} points, more than the limit of {MOST_PLANNED_POINTS}: choose "
+            "a larger spacing"
         )

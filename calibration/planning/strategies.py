@@ -212,7 +212,7 @@ def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) 
 
 
 def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
-    """Lower and upper ends `(axes,)` in file units, rounded inward to `PLAN_DECIMALS`; infinite for axes without ends."""
+    """Lower and upper ends `(axes,)` in file units, rounded inward (`PLAN_DECIMALS`); infinite without ends."""
     low, high = (machine.travel / machine.scale).copy()
     run_in = choices.overrun * (np.array([choices.approach == "positive", choices.approach == "negative"]))
     for i, axis in enumerate(machine.axes):

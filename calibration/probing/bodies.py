@@ -166,7 +166,7 @@ class Bodies:
 
 
 def least_clearance(bodies: Bodies, start: Array, end: Array, touched: np.ndarray, margin: float) -> Array:
-    """Lower bound `(n,)`, mm, of the clearance along straight moves, exact to `SHORTEST_PART_MM` / 2 where it is below margin.
+    """Lower bound `(n,)`, mm, of the clearance along straight moves, exact to `SHORTEST_PART_MM` / 2 below margin.
 
     start, end: axis positions `(n, axes)`, mm and rad. Parts of moves whose bound is not yet above the margin are
     halved until they are short.

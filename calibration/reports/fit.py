@@ -171,8 +171,8 @@ def insignificant(share: float) -> list[str]:
         return []
     return [
         f"NOT SIGNIFICANT: at {100 * (1 - share):.0f} % of the measured positions the correction is smaller than "
-        f"{COVERAGE_FACTOR:g} times its standard uncertainty. This calibration hardly improves the machine. Measure more "
-        "positions, or use an instrument with a smaller uncertainty."
+        f"{COVERAGE_FACTOR:g} times its standard uncertainty. This calibration hardly improves the machine. Measure "
+        "more positions, or use an instrument with a smaller uncertainty."
     ]
 
 

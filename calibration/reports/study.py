@@ -112,7 +112,8 @@ def _notes(results: Sequence[Result], draws: Draws) -> Iterator[str]:
     checks = [each.check for each in results if each.check is not None]
     if any(check.difference > DOUBTFUL_SHARE * float(check.exact.mean()) for check in checks):
         yield (
-            f"DOUBTFUL: results differ from exact fits by more than {DOUBTFUL_SHARE:.0%}: errors of this size are not linear"
+            f"DOUBTFUL: results differ from exact fits by more than {DOUBTFUL_SHARE:.0%}: errors of this size are "
+            "not linear"
         )
 
 

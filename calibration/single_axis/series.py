@@ -17,7 +17,7 @@ LEAST_SERIES_POSITIONS = 3
 SAME_COMMAND = 1e-7
 """Difference of commanded positions, mm and rad, below which they are the same."""
 PointNumbers = dict[tuple[str, tuple[int, ...]], int]
-"""Numbers of points by target and positions of all axes, in steps of `SAME_COMMAND`; 0 for axes that do not move the target."""
+"""Numbers of points by target and positions in steps of `SAME_COMMAND`; 0 for axes that do not move the target."""
 
 
 @dataclass(frozen=True)

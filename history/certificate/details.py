@@ -144,8 +144,8 @@ def _faults(found: Details) -> Iterator[str]:
         not COLDEST_DEGC <= each <= HOTTEST_DEGC for each in head.temperatures_degC
     ):
         yield (
-            f"certificate.temperatures_degC: beyond {COLDEST_DEGC} to {HOTTEST_DEGC} degC, in which machines are built to work "
-            "(IEC 60204-1): write the temperatures of the place in degrees Celsius"
+            f"certificate.temperatures_degC: beyond {COLDEST_DEGC} to {HOTTEST_DEGC} degC, in which machines are built "
+            "to work (IEC 60204-1): write the temperatures of the place in degrees Celsius"
         )
     if head.issued > datetime.datetime.now(datetime.UTC).date() + datetime.timedelta(days=1):  # of any time zone
         yield f"certificate.issued: {head.issued} lies in the future: write the day of the issue"

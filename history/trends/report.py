@@ -61,7 +61,8 @@ def leaving_sentences(trend: Trend, leaves: Leaving) -> Iterator[str]:
     limit, end = f"{leaves.limit:g} {trend.series.unit}", _month(float(trend.ahead.times[-1]))
     begin, name = float(trend.ahead.times[0]), trend.series.name
     if leaves.first is None:
-        yield f"{name} stays within {limit} until {end} with a probability of {1.0 - MAY_HAVE_LEFT:.0%}, if nothing happens."
+        stays = f"with a probability of {1.0 - MAY_HAVE_LEFT:.0%}, if nothing happens."
+        yield f"{name} stays within {limit} until {end} {stays}"
         return
     if leaves.last is None:
         until = f"from {_month(leaves.first)} on, and that is not certain before {end}"

@@ -59,11 +59,12 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
     """The centre of a circle on which start, middle and end of an arc lie after their shifts.
 
     `turned` is the sweep of the arc, rad; its middle is at `middle_share`. Across its chord the centre is shifted such
-    that the middle is corrected; on short arcs less, because the shift would be large without an improvement. Along
-    its chord it is shifted by the mean of the shifts if the two radii then differ no more than before, up to `RADIUS_DIFFERENCE_MM`;
-    otherwise such that their difference is unchanged, in a second step if the first leaves more than `RADIUS_DIFFERENCE_MM`. On nearly
-    full circles, whose ends are close together, that shift would be large too, and the radii may differ; also where it
-    would exceed the radius, because the ends lie in nearly one direction from the centre.
+    that the middle is corrected; on short arcs less, because the shift would be large without an improvement. Along its
+    chord it is shifted by the mean of the shifts if the two radii then differ no more than before, up to
+    `RADIUS_DIFFERENCE_MM`; otherwise such that their difference is unchanged, in a second step if the first leaves more
+    than `RADIUS_DIFFERENCE_MM`. On nearly full circles, whose ends are close together, that shift would be large too,
+    and the radii may differ; also where it would exceed the radius, because the ends lie in nearly one direction from
+    the centre.
     """
     start, end = ends
     first, last = math.dist(start, centre), math.dist(end, centre)

@@ -1,8 +1,8 @@
 """Points of the paths of moves between which no linear axis reverses.
 
 An axis reverses inside arcs, and inside moves of the tool point (TCP) during which rotary axes turn. Its turning points
-are the roots of the derivative of its path. The derivative is sampled in steps of at most `LARGEST_SAMPLE_RAD`; in each step with equal
-signs at both ends its extremum is found first, because two roots may lie on either side of it.
+are the roots of the derivative of its path. The derivative is sampled in steps of at most `LARGEST_SAMPLE_RAD`; in each
+step with equal signs at both ends its extremum is found first, because two roots may lie on either side of it.
 """
 
 from __future__ import annotations

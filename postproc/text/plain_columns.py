@@ -22,8 +22,8 @@ POWERS = read_only(10.0 ** np.arange(23))
 def values_of(text: bytes, start: np.ndarray, end: np.ndarray, decimals: np.ndarray) -> Array:
     """Values `(k,)` of numbers without signs from `start` to `end`, each the float nearest to its digits.
 
-    decimals `(k,)`: -1 for a number without a point. Of numbers that are wider than `NUMBER_CHARACTERS` or have more than
-    MOST_DECIMALS the values are undefined.
+    decimals `(k,)`: -1 for a number without a point. Of numbers that are wider than `NUMBER_CHARACTERS` or have more
+    than MOST_DECIMALS the values are undefined.
     """
     values, short = np.zeros(len(start)), end - start <= PACKED
     present = (np.flatnonzero(np.bincount(np.minimum(decimals, MOST_DECIMALS) + 1)) - 1).tolist()

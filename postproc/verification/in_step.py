@@ -44,7 +44,7 @@ def match(nominal: Motions, commanded: Motions) -> Matched:
 
 
 def in_step(nominal: Iterable[Motions], commanded: Iterable[Motions], size: int = 0) -> Iterator[Matched]:
-    """The moves of the chunks of two programs, `size` (0: `CHUNK_BLOCKS`) moves of the original at a time, at least once.
+    """The moves of both programs, `size` moves of the original (0: `CHUNK_BLOCKS`) at a time, at least once.
 
     Backlash take-ups and segments stay with their move. Both programs are read to their ends in any case, the first
     one first: a refusal of a line comes before DifferentMoves.

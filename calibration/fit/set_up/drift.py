@@ -192,9 +192,9 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
     yield Finding(
         "drift",
         f"{measurement.where(int(again[k]))}: the centre of sphere {measurement.groups[again[k]]} is ({moved}) um +- "
-        f"{uncertainty(COVERAGE_FACTOR * u, 1)} um (k=2) from where {measurement.where(int(first[k]))} found it at the same "
-        "rotary positions: spindle, table or sphere moved or warmed up in between, or one of both rows is off. Measure "
-        f"again in a warm machine; ncomp diagnose{times} separates a drift (thermal-drift) from a knock "
+        f"{uncertainty(COVERAGE_FACTOR * u, 1)} um (k=2) from where {measurement.where(int(first[k]))} found it at the "
+        "same rotary positions: spindle, table or sphere moved or warmed up in between, or one of both rows is off. "
+        f"Measure again in a warm machine; ncomp diagnose{times} separates a drift (thermal-drift) from a knock "
         "(station-shift)",
         False,
     )

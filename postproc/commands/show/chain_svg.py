@@ -31,7 +31,8 @@ def chain_svg(machine: Machine) -> bytes:
     """The drawing of a machine."""
     height = 110 + CHAIN_SCENE_PX + ROW_PX * (len(machine.axes) + 4)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{CHAIN_PX}" height="{height}" viewBox="0 0 {CHAIN_PX} {height}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{CHAIN_PX}" height="{height}" '
+        f'viewBox="0 0 {CHAIN_PX} {height}">',
         f"<style>{STYLE}</style>",
         _text(20, 32, machine.name, "head"),
         _text(20, 54, machine.description, "small"),
