@@ -11,6 +11,9 @@ from kinematics.forward import forward
 from kinematics.machine import Machine
 from kinematics.transforms import Array, blocks, rotation_vector
 
+UM_PER_MM = 1e3
+"""Deviations are calculated in mm and stated in um."""
+
 
 class Deviation(NamedTuple):
     """position `(n, 3)` mm; orientation `(n, 3)` rad, as a rotation vector."""

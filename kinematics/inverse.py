@@ -30,10 +30,9 @@ from numpy.typing import ArrayLike
 from kinematics.columns import ChainColumns, Vector, cross, dot, length, minus, vector
 from kinematics.error_transform import pose_slopes
 from kinematics.forward import forward
-from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import Array, read_only, turn
+from kinematics.machine import TRAVEL_ROUNDING, Machine, NDArrayBool
+from kinematics.transforms import TURN_RAD, Array, read_only, turn
 
-TRAVEL_ROUNDING = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
 POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
 FOLD = 2e-15  # rad: a tool axis within rounding of the farthest tilt is taken to be on it
 SINGULAR_DETERMINANT = (
@@ -46,7 +45,6 @@ ROTARY_ARM_MM = 100.0  # mm per rad: weighs orientation against position in the 
 RESTARTS = 8  # damped Newton searches from other rotary positions before a pose is given up
 DOUBT = 1e-9  # rad: solutions whose ways differ by less are compared one by one
 AHEAD, MOST_AHEAD = 16, 4096  # rows that are compared together: twice as many after rows without doubt
-TURN_RAD = 2.0 * math.pi
 TOOL_AXIS = read_only(np.array([0.0, 0.0, 1.0]))
 UNLIMITED = read_only(np.array([[-math.inf], [math.inf]]))
 

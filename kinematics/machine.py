@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 Vector = tuple[float, float, float]
 
 TURN_DEG = 360.0
-"""Degrees."""
+TRAVEL_ROUNDING = 1e-9
+"""Distance outside the travel or beyond the farthest tilt, mm or rad, that is rounding: it counts as the end."""
 EVERY_OTHER = "default"
 """Name of the entry that holds for all work offsets, or tools, that are not named."""
 ISO_DIRECTION: Mapping[str, Vector] = {

@@ -21,7 +21,7 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.error_model.piecewise import AT_TESTS, PIECE_DEGREE, TESTS, Curvature, Pieces, Table
 from kinematics.machine import TURN_DEG, Axis, Machine, NDArrayBool
 from kinematics.state import State
-from kinematics.transforms import Array, read_only
+from kinematics.transforms import TURN_RAD, Array, read_only
 from kinematics.turn import knots_of
 
 EXACT_MM = 1e-12
@@ -41,8 +41,6 @@ NEGLIGIBLE_COEFFICIENT = EXACT_MM / 1000.0
 SMOOTH_JOINT = 4.0 * EXACT_MM
 """Difference between the ends of two pieces that meet in a smooth error, mm and rad, at most."""
 MOST_PIECE_HALVINGS = 12
-TURN_RAD = 2.0 * np.pi
-"""rad."""
 TURNS_AWAY, REPEATS = (-1, 7), 499
 """Turns after which it is tested that errors repeat, and number of positions: a prime, so that no wave hides."""
 NODES = read_only(np.cos(np.pi * (np.arange(PIECE_DEGREE + 1) + 0.5) / (PIECE_DEGREE + 1)))

@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 AnyArray = TypeVar("AnyArray", bound=np.ndarray[Any, Any])
 
+TURN_RAD = 2.0 * np.pi
+ROUNDING_OF_DIRECTION = 1e-12
+"""Component of a unit vector below which it is rounding."""
 ROWS_OF_BLOCK = 4096
 """Rows of a block of a long column, so that the arrays of a block stay in the cache."""
 

@@ -19,7 +19,7 @@ from calibration.evaluation.volumetric import rigid_columns
 from calibration.fit.datum import line_at_centre, split_locations
 from calibration.fit.linear import column_space
 from calibration.measurement.measurement import Measurement
-from kinematics.deviation import exact_deviation
+from kinematics.deviation import UM_PER_MM, exact_deviation
 from kinematics.effects import Effect, Scale
 from kinematics.effects.base import own_component, own_motion
 from kinematics.error_model.effect_sums import Design
@@ -34,8 +34,6 @@ MOST_CHANGE_STATES = 400
 CHANGED = 2.0
 """Standard uncertainties from which a difference is a change."""
 DETERMINED = 1e-12
-UM_PER_MM = 1e3
-"""um in a mm."""
 
 
 @dataclass(frozen=True)

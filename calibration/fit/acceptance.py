@@ -20,6 +20,7 @@ from calibration.observation.normal_equations import decorrelation_of, whitened
 from calibration.observation.outliers import OUTLIER_SHARE, too_many
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.files.number_text import rounded
@@ -34,8 +35,6 @@ CUBIC = 4
 """Parameters of a cubic."""
 QUIET = 0.1
 """chi2/dof below which the stated uncertainty of the instrument is too large for the data."""
-COVERAGE_FACTOR = 2.0
-"""Coverage factor k: a correction is significant where it exceeds k standard uncertainties."""
 SIGNIFICANT_SHARE = 0.5
 """Share of positions at which the correction must be significant."""
 ANYWHERE = 300

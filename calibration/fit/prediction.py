@@ -28,7 +28,7 @@ from calibration.measurement.states import (
 )
 from calibration.measurement.text_table import Table, read_table
 from kinematics.columns import point_deviations
-from kinematics.deviation import exact_deviation
+from kinematics.deviation import UM_PER_MM, exact_deviation
 from kinematics.error_model.beyond_range import beyond_range
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel
@@ -47,8 +47,6 @@ MOST_STATES_COMPARED = 1000
 """Largest number of states that are compared with each other."""
 LEVER_ARM_MM = 100.0
 """Lever arm, mm, at which errors count that an interferometer measures as angles of a rotary axis."""
-UM_PER_MM = 1e3
-"""um in a mm."""
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from calibration.planning.strategies import PLAN_DECIMALS
-from kinematics.machine import Machine
+from kinematics.machine import TURN_DEG, Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 DESIGNS = ("optimised", "grid", "bk", "samba", "random")
 """Designs: optimised; a grid of angles; each rotary axis alone (BK of ISO 10791-6); a grid with several spheres."""
-TURN_DEG = 360.0
 
 
 def rotary_ranges(machine: Machine, stated: Mapping[str, tuple[float, float]]) -> dict[int, tuple[float, float]]:

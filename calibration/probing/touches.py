@@ -9,6 +9,7 @@ import numpy as np
 from calibration.probing.bodies import Bodies, least_clearance
 from kinematics.forward import forward
 from kinematics.inverse import linear_positions
+from kinematics.machine import TRAVEL_ROUNDING
 from kinematics.transforms import Array
 
 TOUCHES = 5
@@ -19,8 +20,6 @@ ELEVATIONS = (20.0, 10.0, 35.0, 0.0)
 Above the equator they show the height of the centre as well, so that a wrong touch of the pole is found."""
 AZIMUTHS = (45.0, 0.0, 22.5, 67.5)
 """Azimuths of the first of the four touches from the stem as the spindle sees it, degrees."""
-TRAVEL_ROUNDING = 1e-9
-"""Distance beyond a travel end, mm or rad, that is rounding."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.fit.acceptance import COVERAGE_FACTOR, SIGNIFICANT_SHARE, Judged
+from calibration.fit.acceptance import SIGNIFICANT_SHARE, Judged
 from calibration.fit.calibrate import Calibration
 from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.curves.between_positions import BetweenPositions
@@ -22,6 +22,7 @@ from calibration.reports.figures.fit import along_axes, by_direction, distributi
 from calibration.reports.head import foot_of, measured_head
 from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, LocationError
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import probability, rounded
 from kinematics.machine import Machine

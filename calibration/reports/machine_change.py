@@ -8,6 +8,7 @@ from typing import Any
 from calibration.evaluation.machine_change import MachineChange
 from calibration.reports.causes import text as words
 from kinematics.effects import Effect
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from rendering.report import Section, Table, shortened
 
 LISTED_CHANGES = 4
@@ -75,7 +76,7 @@ def change_sections(change: MachineChange | None) -> Iterator[Section]:
     text = (
         "Changes are new model minus present calibration. A scale is the mean slope of a positioning error. Location "
         "errors are by ISO 230-1 in the datum of the calibration, with the U "
-        f"(k={words.COVERAGE_FACTOR}) of the difference of both."
+        f"(k={COVERAGE_FACTOR:g}) of the difference of both."
     )
     yield Section(
         "Change since the present calibration", text, Table(("error", "symbol", "change ± U", "result"), rows)

@@ -15,7 +15,7 @@ from calibration.registration.registration import SHIFTS, Registration
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
-from kinematics.machine import Machine, Vector
+from kinematics.machine import TRAVEL_ROUNDING, Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
@@ -25,8 +25,6 @@ PLACED_MM = 1.0
 FOUND_MM = 1e-9
 """Distance of the tip from the centre, mm, at which the search for the axis positions ends."""
 CONTACT_STEPS = 20
-TRAVEL_ROUNDING = 1e-9
-"""Distance beyond a travel end, mm or rad, that is rounding."""
 CONTACT_DECIMALS = 5
 """Decimals of the recorded positions, mm: 10 nm, far below the noise."""
 TIME_OF_CENTRE_S = 15.0

@@ -18,13 +18,12 @@ import numpy as np
 
 from calibration.measurement.measurement import Measurement
 from calibration.single_axis.iso230 import TARGET_DECIMALS, AxisTest, Readings, Value, tested
+from kinematics.deviation import UM_PER_MM
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 ON_DIAGONAL_MM = 0.01
 """Largest distance of a position from a diagonal, mm: positions are stated to 0.001 mm."""
-UM_PER_MM = 1e3
-"""um per mm."""
 TOO_SMALL = " (it may be too small: targets with one direction only do not count)"
 
 

@@ -23,13 +23,12 @@ from kinematics.effects.base import (
     unit_of,
 )
 from kinematics.effects.records import Columns, InControl, Parameter, Workshop
-from kinematics.machine import Machine
+from kinematics.machine import TURN_DEG, Machine
 from kinematics.state import State
 
 GEAR = (
     "Set the play of the gear, or replace the gear, the belt or the bearing; otherwise set the backlash of the control."
 )
-TURN_DEG = 360.0
 ORDER_OF_TURN_DIFFERENCE = 0.02
 """Relative difference of a period from a whole part of the turn up to which its order is given."""
 SMALL_WAVE = 0.05

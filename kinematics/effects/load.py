@@ -15,13 +15,11 @@ from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.forward import axis_pose
 from kinematics.machine import Machine, Vector
 from kinematics.state import State, general_state
-from kinematics.transforms import IDENTITY, Array, Pose, read_only, turn
+from kinematics.transforms import IDENTITY, ROUNDING_OF_DIRECTION, Array, Pose, read_only, turn
 from kinematics.user_error import UserError
 
 DOWN = read_only(np.array([0.0, 0.0, -1.0]))
 """Direction of gravity in the frame of the bed."""
-ROUNDING_OF_DIRECTION = 1e-12
-"""Component of a unit vector below which it is rounding."""
 NONE = 1e-9
 """um: typical size of a coefficient that has an effect of its own, and stays at 0 in a fit."""
 

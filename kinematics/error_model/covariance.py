@@ -6,6 +6,9 @@ import numpy as np
 
 from kinematics.transforms import Array
 
+COVERAGE_FACTOR = 2.0
+"""k of expanded uncertainties U = k u: 95 % of a normal distribution (GUM, 6.3.3). A size above U is significant."""
+
 
 def propagated(matrix: Array, covariance: Array) -> Array:
     """Covariance `(q, q)` of `matrix` `(q, p)` times parameters with this covariance `(p, p)`.

@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.deviation import exact_deviation
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.compensation.datum import DatumPrediction
-
-COVERAGE_FACTOR = 2.0
-"""Coverage factor k: improvements and deviations above k standard uncertainties are significant."""
 
 
 class Significance(msgspec.Struct):

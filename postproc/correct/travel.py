@@ -6,15 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kinematics.machine import NDArrayBool
+from kinematics.machine import TRAVEL_ROUNDING, NDArrayBool
 from kinematics.transforms import Array
 from postproc.control.state import ControlState
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
 from postproc.text.block import Refusal
 from postproc.text.notes import Notes
-
-TRAVEL_ROUNDING = 1e-9
 
 
 def refuse_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> None:

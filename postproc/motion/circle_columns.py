@@ -7,11 +7,9 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
-from kinematics.transforms import Array
+from kinematics.transforms import TURN_RAD, Array
 from postproc.motion.circles import RADIUS_DIFFERENCE_MM, RADIUS_TOLERANCE_MM, SAME_POINT_MM, SHORT_ARC
 from postproc.motion.moves import Arc
-
-TURN_RAD = 2.0 * np.pi
 
 
 class CircleColumns(msgspec.Struct, frozen=True):

@@ -9,10 +9,10 @@ import numpy as np
 
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array, read_only
+from postproc.text.number_style import MOST_DECIMALS
 
 NUMBER_CHARACTERS = 12
 """Characters of the number of an axis, at most, without sign: its digits are an integer that a float holds exactly."""
-MOST_DECIMALS = 9
 PACKED = 8
 """Characters of a number that are read together, as one integer of 64 bits."""
 POWERS = read_only(10.0 ** np.arange(23))

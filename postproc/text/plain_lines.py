@@ -16,8 +16,8 @@ import numpy as np
 
 from kinematics.machine import NDArrayBool
 from postproc.text.block import Block, Word
+from postproc.text.number_style import MOST_DECIMALS
 from postproc.text.plain_columns import (
-    MOST_DECIMALS,
     NUMBER_CHARACTERS,
     NumberMarks,
     PlainColumns,

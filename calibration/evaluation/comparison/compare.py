@@ -27,7 +27,6 @@ from calibration.evaluation.common_frame import Sampled, common_frame
 from calibration.evaluation.comparison.figures import location_figure, reversal_figures, squareness_figures
 from calibration.evaluation.comparison.result import Comparison, Motion, Straightness, Volume
 from calibration.evaluation.comparison.sides import (
-    COVERAGE_FACTOR,
     ZERO_ERROR_UM,
     Curve,
     Side,
@@ -42,6 +41,7 @@ from kinematics.basis import Interval
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
 from kinematics.effects.base import own_component, unit_of
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point

@@ -10,6 +10,7 @@ import numpy as np
 from kinematics.basis import Interval
 from kinematics.effects import COMPONENTS, Effect, after_touch_off
 from kinematics.effects.base import unit_of
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -20,8 +21,6 @@ SIDE_POSITIONS = 121
 """Number of positions along an axis."""
 COMPARED_TURN_DEG = 360.0
 """Largest compared range of a rotary axis, degrees: one turn."""
-COVERAGE_FACTOR = 2.0
-"""Coverage factor k of the expanded uncertainty U."""
 ZERO_ERROR_UM = 1e-9
 """Smallest error, um or urad; smaller ones count as zero."""
 

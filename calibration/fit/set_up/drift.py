@@ -23,6 +23,7 @@ from calibration.observation.full_model import BasisChoice
 from calibration.plausibility.finding import Finding
 from kinematics.effects import Effect, ThermalDrift, WorkpieceDrift
 from kinematics.effects.combined.where import Direction
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import uncertainty
 from kinematics.transforms import Array
@@ -42,7 +43,6 @@ FALSE_SHIFT_PROBABILITY = 0.01
 """Chance that the repeated centres of a machine without drift count as shifted."""
 SAME_ROTARY_RAD = 1e-5
 """Largest difference, rad, of rotary positions that are the same."""
-COVERAGE_FACTOR = 2.0
 IMPOSSIBLE_SHIFT_UM = 500.0
 """Shift, um, from which a row is wrong: no machine drifts so far. Other checks name such rows."""
 

@@ -21,6 +21,7 @@ from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from calibration.plausibility.finding import Finding
 from kinematics.effects import AirScale, AngleHarmonic, Effect, RangeOffset, TargetOffset
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.machine import Machine, Vector
 from kinematics.transforms import Array
 
@@ -44,7 +45,6 @@ TRACKER: tuple[Effect, ...] = (
 """Errors of a tracker beside which an offset must be significant too."""
 WIDE_PRIOR_SIZES = 5.0
 """Prior standard deviation of these, in typical sizes."""
-COVERAGE_FACTOR = 2.0
 ONE_TARGET = (
     "one target on the tool: an error of its stated position cannot be separated from the pose of the instrument (with "
     "rotary axes: from their location errors); a second target would show it"

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from typing import Protocol
 
 from kinematics.effects import Effect, Parameter
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from rendering.report import shortened
 
 MOST_PRINTED_PARAMETERS = 8
 """Most parameters of a cause that are printed; the JSON has all."""
-COVERAGE_FACTOR = 2
 MOST_PRINTED_WAVES = 3
 """Most waves of a cause that are printed."""
 REMEDIES = {

@@ -15,6 +15,7 @@ from calibration.reports.causes.at_positions import at_positions
 from calibration.reports.causes.figures import cause_figure, share_chart
 from calibration.reports.causes.views import views
 from calibration.reports.diagnosis.verdict import at_tool_text, by_size
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.files.number_text import odds, odds_by_log
 from rendering.figures import Figure, percent
 from rendering.report import Section, Table
@@ -49,7 +50,7 @@ def cause_sections(answer: Diagnosis) -> Iterator[Section]:
     head = (
         "number",
         "cause",
-        f"size ± U (k={words.COVERAGE_FACTOR})",
+        f"size ± U (k={COVERAGE_FACTOR:g})",
         "at the tool point",
         "odds",
         held_out,

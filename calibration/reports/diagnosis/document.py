@@ -13,9 +13,7 @@ from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports.diagnosis.registered import registered_rows
 from calibration.reports.machine_change import machine_change_json
 from calibration.reports.separability import separability_json
-
-LARGEST_LOG_ODDS = 700.0
-"""Largest logarithm of odds whose odds are a number."""
+from kinematics.files.number_text import LARGEST_LOG_ODDS
 
 
 def diagnosis_json(answer: Diagnosis) -> dict[str, Any]:

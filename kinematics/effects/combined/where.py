@@ -27,11 +27,9 @@ from kinematics.effects.records import Columns
 from kinematics.forward import axis_pose
 from kinematics.machine import Machine
 from kinematics.state import State, general_state
-from kinematics.transforms import Array, by_turn, turn
+from kinematics.transforms import ROUNDING_OF_DIRECTION, Array, by_turn, turn
 
 Direction = Literal["X", "Y", "Z"]
-ROUNDING_OF_DIRECTION = 1e-12
-"""Component of a unit vector below which it is rounding."""
 SHUFFLED = "positions in shuffled order, or measured once more backwards, with times"
 SHUFFLED_WITH_HEAT = f"{SHUFFLED} and temperatures"
 

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.fit.prediction import Predicted, Prediction
+from kinematics.error_model.covariance import COVERAGE_FACTOR
 from kinematics.files.number_text import plus_minus
 from kinematics.files.report_head import calibration_text
 from kinematics.transforms import Array
-from postproc.compensation.significance import COVERAGE_FACTOR
 from postproc.evaluation.predicted_errors import Statistic
 from rendering.figures import Figure
 from rendering.report import Report, Section, Table
