@@ -14,7 +14,7 @@ from kinematics.transforms import Array, read_only
 from kinematics.turn import columns_of
 from kinematics.user_error import UserError
 
-REFERENCE_TEMPERATURE_DEGC = 20.0
+REFERENCE_DEGC = 20.0
 """degC that temperatures count from."""
 TIME, TEMPERATURE = "time", "temperature "
 """The variable of time, and the prefix of those of sensors; all others are axes."""

@@ -32,7 +32,7 @@ seeds = st.integers(0, 2**32 - 1)
 def in_chunks(patch, size):
     """Work on so many blocks at a time."""
     for module in ("execution", "correct.check", "verification.in_step"):
-        patch.setattr(f"postproc.{module}.CHUNK", size)
+        patch.setattr(f"postproc.{module}.CHUNK_BLOCKS", size)
 
 
 OVER_THE_END = Program(

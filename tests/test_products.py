@@ -121,7 +121,7 @@ def test_normal_equations_are_those_of_the_columns(name, bases, seed, stops, mis
     left = residuals(measurement, model, registration)
     residual = decorrelation.apply(whitened(white, left))
     expected = by_columns(measurement, model, registration, white, residual, decorrelation)
-    with patch.object(products, "FEW", few):
+    with patch.object(products, "FEW_DERIVATIVES", few):
         assembled = assemble(measurement, model, registration, white, residual, decorrelation)
         kept = derivatives(measurement, model, registration, np.inf)
         assert derivatives(measurement, model, registration, 100) is None
@@ -143,7 +143,7 @@ def test_functions_that_differ_within_a_stop_are_decorrelated_as_columns():
     decorrelation = Decorrelation.of(measurement.noise, white)
     assert decorrelation.stops
     residual = decorrelation.apply(whitened(white, residuals(measurement, model, registration)))
-    with patch.object(products, "FEW", 0):
+    with patch.object(products, "FEW_DERIVATIVES", 0):
         found = assemble(measurement, model, registration, white, residual, decorrelation)
     agree(found.matrix, by_columns(measurement, model, registration, white, residual, decorrelation).matrix)
 

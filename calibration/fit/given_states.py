@@ -11,7 +11,7 @@ import numpy as np
 from calibration.measurement.in_motion import velocities
 from calibration.measurement.measurement import with_moves
 from kinematics.machine import Machine
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State
+from kinematics.state import REFERENCE_DEGC, State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -43,7 +43,7 @@ def states_of(
             points * machine.scale,
             time=None if time is None else column(time, len(points), "time"),
             temperatures={
-                name: column(values, len(points), f"temperatures[{name!r}]") - REFERENCE_TEMPERATURE_DEGC
+                name: column(values, len(points), f"temperatures[{name!r}]") - REFERENCE_DEGC
                 for name, values in (temperatures or {}).items()
             },
         )

@@ -18,7 +18,7 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.error_model.provenance import SIMULATED, Provenance
 from kinematics.files.text_cells import number_at
 from kinematics.files.time_stamps import ZONE, moment, seconds_between
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC
+from kinematics.state import REFERENCE_DEGC
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
@@ -189,10 +189,7 @@ class Followed(Shown):
         for name in given:
             if name not in known:
                 raise UserError(f"--temperature {name}: the log has no such sensor: {', '.join(known) or 'none'}")
-        return {
-            name: given[name] - REFERENCE_TEMPERATURE_DEGC if name in given else float(own[-1])
-            for name, own in known.items()
-        }
+        return {name: given[name] - REFERENCE_DEGC if name in given else float(own[-1]) for name, own in known.items()}
 
     def _places(self, values: Array, covariance: Array) -> tuple[Place, ...]:
         touches = self.structure.touches

@@ -87,7 +87,7 @@ def _check_run(machine: Machine, axis: str, start_mm: float, end_mm: float) -> N
 
 def _courses(given: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
     """Temperatures at the start and at the end by sensor, degC, as differences from 20 degC, K."""
-    from kinematics.state import REFERENCE_TEMPERATURE_DEGC
+    from kinematics.state import REFERENCE_DEGC
 
     courses = {}
     for name, course in given.items():
@@ -99,7 +99,7 @@ def _courses(given: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, flo
             start = end = math.nan
         if not (math.isfinite(start) and math.isfinite(end)):
             raise UserError(f"temperature[{name!r}]: expected two numbers, at the start and at the end, degC")
-        courses[name] = (start - REFERENCE_TEMPERATURE_DEGC, end - REFERENCE_TEMPERATURE_DEGC)
+        courses[name] = (start - REFERENCE_DEGC, end - REFERENCE_DEGC)
     return courses
 
 

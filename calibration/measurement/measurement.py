@@ -24,7 +24,7 @@ from kinematics.basis import Interval
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine, Vector
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State, with_moves
+from kinematics.state import REFERENCE_DEGC, State, with_moves
 from kinematics.transforms import Array, read_only
 from kinematics.turn import measured_arc, swept_arc
 from kinematics.user_error import UserError
@@ -144,10 +144,7 @@ class Measurement(Shown):
     def temperatures(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest temperature, degC, of each sensor with a value in every row."""
         known = {sensor: kelvin for sensor, kelvin in self.state.temperatures.items() if np.isfinite(kelvin).all()}
-        ends = {
-            sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE_TEMPERATURE_DEGC
-            for sensor, kelvin in known.items()
-        }
+        ends = {sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE_DEGC for sensor, kelvin in known.items()}
         return {sensor: (float(low), float(high)) for sensor, (low, high) in ends.items()}
 
     @cached_property

@@ -24,7 +24,7 @@ from calibration.measurement.text_table import Table
 from kinematics.files.number_text import rounded
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State
+from kinematics.state import REFERENCE_DEGC, State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -248,7 +248,7 @@ def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:
 def read_temperatures(table: Table) -> dict[str, Array]:
     """Temperatures `(n,)`, K from 20 degC, by sensor."""
     columns = table.numbers([name for name in table.names if name.startswith("temp_")])
-    return {name.removeprefix("temp_"): column - REFERENCE_TEMPERATURE_DEGC for name, column in columns.items()}
+    return {name.removeprefix("temp_"): column - REFERENCE_DEGC for name, column in columns.items()}
 
 
 def _spindle_speed(table: Table, notes: list[str]) -> Array | None:

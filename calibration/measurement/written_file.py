@@ -18,7 +18,7 @@ from calibration.measurement.states import (
     PLAIN_NAME,
 )
 from kinematics.effects.base import UM
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC
+from kinematics.state import REFERENCE_DEGC
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 
@@ -83,7 +83,7 @@ def columns_of(measurement: Measurement) -> dict[str, np.ndarray]:
             columns[f"actual_{machine.names[i]}"] = in_units(measurement.actual[:, i], machine.scale[i])
     for sensor, kelvin in state.temperatures.items():
         columns[f"temp_{sensor}"] = converted(
-            kelvin, lambda k: k + REFERENCE_TEMPERATURE_DEGC, lambda degrees: degrees - REFERENCE_TEMPERATURE_DEGC
+            kelvin, lambda k: k + REFERENCE_DEGC, lambda degrees: degrees - REFERENCE_DEGC
         )
     return {name: column for name, column in columns.items() if column is not None}
 

@@ -18,7 +18,7 @@ from calibration.on_the_fly.drive import Driven, PathDynamics, driven
 from calibration.on_the_fly.nominal_path import NominalPath
 from calibration.simulation.simulate import observe, with_temperatures
 from kinematics.error_model.model import ErrorModel
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State
+from kinematics.state import REFERENCE_DEGC, State
 from kinematics.transforms import Array, Pose
 from kinematics.version import VERSION
 
@@ -88,10 +88,7 @@ def write_readings(readings: Measurement, file: BinaryIO, origin: str = "") -> N
     for name, column in (("target", state.target), ("station", state.station), ("run", readings.run)):
         if column is not None and np.any(column != column[0]):
             columns[name] = column
-    columns |= {
-        f"temp_{sensor}": np.round(kelvin + REFERENCE_TEMPERATURE_DEGC, 3)
-        for sensor, kelvin in state.temperatures.items()
-    }
+    columns |= {f"temp_{sensor}": np.round(kelvin + REFERENCE_DEGC, 3) for sensor, kelvin in state.temperatures.items()}
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     for start in range(0, len(readings), WRITTEN_ROWS):

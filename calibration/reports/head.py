@@ -5,7 +5,7 @@ from __future__ import annotations
 from calibration.measurement.measurement import Measurement
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.report_head import ReportHead, calibration_text
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC
+from kinematics.state import REFERENCE_DEGC
 from kinematics.transforms import Array
 
 
@@ -38,5 +38,5 @@ def _temperatures(measurement: Measurement) -> str:
 
 
 def _range(values: Array) -> str:
-    low, high = (f"{value + REFERENCE_TEMPERATURE_DEGC:.1f}" for value in (values.min(), values.max()))
+    low, high = (f"{value + REFERENCE_DEGC:.1f}" for value in (values.min(), values.max()))
     return f"{low} °C" if low == high else f"{low} to {high} °C"

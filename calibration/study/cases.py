@@ -44,7 +44,7 @@ from calibration.study.spheres import sphere_plan
 from kinematics.effects import Effect
 from kinematics.machine import Machine, Vector
 from kinematics.running.workers import code
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC
+from kinematics.state import REFERENCE_DEGC
 from kinematics.user_error import UserError
 
 CODE = (calibration.__name__, kinematics.__name__)
@@ -149,7 +149,7 @@ def _case(
             plan = _plan(entry, machine, folder)
         tool = next(iter(plan.targets.values())).position
         sensors = {
-            name: (start - REFERENCE_TEMPERATURE_DEGC, end - REFERENCE_TEMPERATURE_DEGC)
+            name: (start - REFERENCE_DEGC, end - REFERENCE_DEGC)
             for name, (start, end) in study.instrument.temperature.items()
         }
         volume = _volume(study.volume, machine, tool, plan, sensors)

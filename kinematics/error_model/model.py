@@ -23,7 +23,7 @@ from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.files.certificate import carried, is_certificate
 from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, TEMPERATURE, State, variable_unit
+from kinematics.state import REFERENCE_DEGC, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array
 from kinematics.turn import beyond, gap_of, spread_beyond
 from kinematics.user_error import UserError
@@ -143,10 +143,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 if variable.startswith(TEMPERATURE):
                     sensor = variable.removeprefix(TEMPERATURE)
                     least, most = known.get(sensor, (-math.inf, math.inf))
-                    known[sensor] = (
-                        max(least, low + REFERENCE_TEMPERATURE_DEGC),
-                        min(most, high + REFERENCE_TEMPERATURE_DEGC),
-                    )
+                    known[sensor] = max(least, low + REFERENCE_DEGC), min(most, high + REFERENCE_DEGC)
         return known
 
     def part(self, keep: Callable[[Effect], bool]) -> ErrorModel:

@@ -20,7 +20,7 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.files.text_cells import checked_degrees
 from kinematics.machine import Machine
 from kinematics.pieces import ErrorMotions
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, State
+from kinematics.state import REFERENCE_DEGC, State
 from kinematics.transforms import Array, read_only
 from kinematics.user_error import UserError
 from postproc.text.number_style import given_number, given_once
@@ -57,9 +57,7 @@ class Conditions:
     def state(self, positions: Array, approach: Array | None = None) -> State:
         """The state at axis positions `(n, axes)`, mm and rad, approached in directions `approach` `(n, axes)`."""
         n = len(positions)
-        temperatures = {
-            name: np.full(n, value - REFERENCE_TEMPERATURE_DEGC) for name, value in self.temperatures.items()
-        }
+        temperatures = {name: np.full(n, value - REFERENCE_DEGC) for name, value in self.temperatures.items()}
         return State(
             positions, approach, time=np.full(n, self.elapsed or 0.0), temperatures=temperatures, past=self.past
         )
@@ -175,7 +173,7 @@ def make_conditions(
         time = time - time[-1] + elapsed
     for name, value in given.items():
         columns.setdefault(name, np.full(len(time), value))[-1] = value
-    kelvin = {name: values - REFERENCE_TEMPERATURE_DEGC for name, values in columns.items()}
+    kelvin = {name: values - REFERENCE_DEGC for name, values in columns.items()}
     past = State(np.zeros((len(time), 0)), time=time, temperatures=kelvin)
     last = {name: float(values[-1]) for name, values in columns.items()}
     return Conditions(float(time[-1]), last, past, str(log), logged.unread)

@@ -35,7 +35,7 @@ from postproc.motion.moves import Arc, Kind
 from postproc.motion.reversals import needs_direction
 from postproc.motion.segments import arc_ends, arc_turned, part_of
 
-LEAST_CHORD_STEPS = 8
+CHORD_STEPS = 8
 """Smallest number of steps in which a segment is evaluated."""
 MOST_CHORD_STEPS = 8192
 BATCH = 100_000
@@ -134,9 +134,7 @@ class CorrectedPaths(msgspec.Struct, frozen=True, dict=True):
         if self.motions.arcs:
             circles = self.motions.circles
             rows = circles.rows[circles.turns > 0]
-            steps[rows] = np.maximum(
-                steps[rows], LEAST_CHORD_STEPS * np.abs(circles.turned[circles.turns > 0]) / math.pi
-            )
+            steps[rows] = np.maximum(steps[rows], CHORD_STEPS * np.abs(circles.turned[circles.turns > 0]) / math.pi)
         return np.asarray(steps)
 
     @cached_property
@@ -274,8 +272,8 @@ def _cross(shares: list[float], jump: float, length: float) -> None:
 def _batches(paths: CorrectedPaths, segments: list[Segment]) -> Iterator[list[Sampled]]:
     """The segments with the shifts along them, in batches."""
     rows, low, high = (np.array(column) for column in zip(*segments, strict=True))
-    aim = np.maximum(paths.steps[rows] * (high - low) / LEAST_CHORD_STEPS, 1.0)
-    steps = np.minimum(LEAST_CHORD_STEPS * 2 ** np.ceil(np.log2(aim)), MOST_CHORD_STEPS).astype(int)
+    aim = np.maximum(paths.steps[rows] * (high - low) / CHORD_STEPS, 1.0)
+    steps = np.minimum(CHORD_STEPS * 2 ** np.ceil(np.log2(aim)), MOST_CHORD_STEPS).astype(int)
     ends = np.cumsum(steps + 1)
     for batch in np.split(np.arange(len(segments)), np.flatnonzero(np.diff(ends // BATCH)) + 1):
         counts = steps[batch] + 1
@@ -317,7 +315,7 @@ def _cut(
                 cut = low + (high - low) * middle / steps
                 found.shares[row].append(cut)
                 halves = Segment(row, low, cut), Segment(row, cut, high)
-                if steps >= 2 * LEAST_CHORD_STEPS:
+                if steps >= 2 * CHORD_STEPS:
                     open_parts += [(halves[0], shifts[: middle + 1]), (halves[1], shifts[middle:])]
                 else:
                     following += halves

@@ -28,7 +28,7 @@ MISTAKES = (
     entry("home beyond the travel", "home = 400", "home = 4000", 21, "home 4000.0 is outside its travel", "expected a position within it"),
     entry("work offset of an axis that is not there", "X = -12.5", "U = -12.5", 27, "no axis U in the chain", "its axes are B, C, X, Y, Z"),
     entry("tool length in quotes", "5 = 96.3", '5 = "96.3"', 30, "not a text in quotes", "tools.5: expected a number"),
-    entry("control that is not known", '"fanuc"', '"okuma"', 24, "not 'okuma'", "control.family: expected 'any', 'fanuc', 'linuxcnc' or 'grbl'"),
+    entry("control that is not known", '"fanuc"', '"okuma"', 24, "not 'okuma'", "control.family: expected 'any', 'fanuc', 'linuxcnc', 'grbl' or 'mach3'"),
     entry("setting that is not known", "[control]", "[control]\nincremnt = 0.01", 24, "control.incremnt is not known", "did you mean 'increment'?"),
     entry("two tables of one axis", "[axes.Y]", "[axes.X]", 16, "twice", "a table begins with its name in brackets, once"),
     entry("bracket forgotten", "[axes.Y]", "[axes.Y", 16, "Expected ']'", "its name in brackets"),

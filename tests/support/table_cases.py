@@ -26,8 +26,8 @@ TOOL = (0.0, 0.0, -100.0)
 @contextmanager
 def few_positions() -> Iterator[None]:
     """Tables from a quarter of the positions along each axis and in the volume: as many tables, of the same kind."""
-    along = mock.patch.multiple(build, FINE={3: 101}, COARSE={3: 21}, FEW=(51, 13), BALANCE=512)
-    with along, mock.patch.object(remaining_error, "GRID", 1024):
+    along = mock.patch.multiple(build, FINE={3: 101}, COARSE={3: 21}, NODES_OF_MORE_AXES=(51, 13), BALANCE=512)
+    with along, mock.patch.object(remaining_error, "REMAINING_POSITIONS", 1024):
         yield
 
 

@@ -29,7 +29,7 @@ FALSE_TARGET_PROBABILITY = 1e-6
 """Chance that one target whose position is right is found to be wrong."""
 IGNORED_DIFFERENCE_UM = 1.0
 """Length, um, below which a difference is ignored: positions are stated to 1 um at best."""
-UNDECIDED_CHI2 = 10.0
+TIE_CHI2 = 10.0
 """Difference of two chi2 below which the data do not show which of two targets is wrong: odds of 150 to 1."""
 MOST_TARGET_NODES = 8
 """Most nodes of an error motion beside the offsets."""
@@ -123,9 +123,7 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
         beside = beside or _Offsets.of(_with_offsets(part, on_tool, TRACKER if of_tracker else ()), len(on_tool))
         if not significant(beside.gain([*chosen, best]) - beside.gain(chosen), len(on_tool)):
             break
-        others[best] = tuple(
-            on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - UNDECIDED_CHI2
-        )
+        others[best] = tuple(on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - TIE_CHI2)
         reductions[best] = gains[best]
         chosen.append(best)
     values, u = offsets.of_targets(chosen)

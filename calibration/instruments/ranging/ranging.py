@@ -20,7 +20,7 @@ from calibration.instruments.ranging.multilateration import Located, located
 from calibration.registration.derived import derived
 from calibration.registration.registration import SHIFTS, Registration
 from kinematics.machine import Machine, Vector
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC
+from kinematics.state import REFERENCE_DEGC
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -247,7 +247,7 @@ def _index_shares(table: Table, measurement: Measurement) -> Array | None:
         table.header_fault(INDEX, f"{assumed:g} is no refractive index of air: expected about 1.00027, or 1 for vacuum")
     wavelength = table.header_numbers(WAVELENGTH, 1)[0] if WAVELENGTH in table.entries else HELIUM_NEON_NM
     table.need_columns(AIR, f"the header line '# {INDEX}: ...'")
-    columns = table.numbers(AIR[1:]) | {AIR[0]: measurement.state.temperatures["air"] + REFERENCE_TEMPERATURE_DEGC}
+    columns = table.numbers(AIR[1:]) | {AIR[0]: measurement.state.temperatures["air"] + REFERENCE_DEGC}
     for name, (low, high) in AIR_LIMITS.items():
         outside = (columns[name] < low) | (columns[name] > high)
         if outside.any():

@@ -20,7 +20,7 @@ from kinematics.effects.combined.where import beam, workpiece_direction
 from kinematics.effects.friction import way_since_reversal
 from kinematics.effects.probe import turn_of_probe
 from kinematics.effects.tracker import CIRCLES
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, TIME, State
+from kinematics.state import REFERENCE_DEGC, TIME, State
 from kinematics.transforms import Array
 from rendering.figures import clock
 
@@ -118,9 +118,7 @@ def _drive_of_heat(cause: CauseInFit) -> tuple[Array, str]:
     sensor = getattr(cause.effect, "sensor", None)
     if sensor is None or getattr(cause.effect, "lag_s", None):
         return cause.time()
-    return cause.state.temperature(
-        sensor, cause.effect.name
-    ) + REFERENCE_TEMPERATURE_DEGC, f"temperature {sensor}, degC"
+    return cause.state.temperature(sensor, cause.effect.name) + REFERENCE_DEGC, f"temperature {sensor}, degC"
 
 
 def _by_heat(cause: CauseInFit) -> Iterator[View]:
@@ -194,7 +192,7 @@ def _by_variable(cause: CauseInFit) -> Iterator[View]:
         elif name == TIME:
             x, label = cause.time()
         else:
-            x = x + REFERENCE_TEMPERATURE_DEGC
+            x = x + REFERENCE_DEGC
         views = cause.over(x, label)
         yield from map(lined, views) if len(effect.variables) == 1 else views
 

@@ -11,7 +11,7 @@ from calibration.diagnosis.conclusion.guard import in_units
 from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.diagnosis.conclusion.verdict import Judged
 from calibration.gaussian_terms.structure import Structure
-from kinematics.state import REFERENCE_TEMPERATURE_DEGC, TEMPERATURE, TIME
+from kinematics.state import REFERENCE_DEGC, TEMPERATURE, TIME
 from kinematics.transforms import Array
 from rendering.figures import (
     AFTER,
@@ -136,7 +136,7 @@ def _variable(answer: Diagnosis, name: str) -> tuple[str, Array] | None:
     if name in machine.names:
         return f"{name}, {machine.axes[machine.index(name)].unit}", state.position(machine, name)
     if name.startswith(TEMPERATURE):
-        return f"{name}, degC", np.asarray(state.variable(machine, name, name) + REFERENCE_TEMPERATURE_DEGC)
+        return f"{name}, degC", np.asarray(state.variable(machine, name, name) + REFERENCE_DEGC)
     return _reading(state.observed, name)
 
 

@@ -67,12 +67,9 @@ class VirtualMachineOptions:
 
     def temperatures(self) -> dict[str, tuple[float, float]]:
         """Start and end of temperatures by name, K from 20 degC."""
-        from kinematics.state import REFERENCE_TEMPERATURE_DEGC
+        from kinematics.state import REFERENCE_DEGC
 
-        return {
-            name: (start - REFERENCE_TEMPERATURE_DEGC, end - REFERENCE_TEMPERATURE_DEGC)
-            for name, (start, end) in self.courses().items()
-        }
+        return {name: (start - REFERENCE_DEGC, end - REFERENCE_DEGC) for name, (start, end) in self.courses().items()}
 
     def courses(self) -> dict[str, tuple[float, float]]:
         """Start and end of temperatures by name, degC."""
