@@ -78,8 +78,10 @@ def with_family(entry: CodeEntry) -> str:
     if families == FAMILIES:
         return "every family"
     named = families if ANY not in families else [each for each in FAMILIES if each not in families]
-    joined = (" and " if ANY in families else " or ").join(f'`"{each}"`' for each in named)
-    return f"every family but {joined}" if ANY in families else joined or "refused"
+    *others, last = [f'`"{each}"`' for each in named] or ["refused"]
+    word = "and" if ANY in families else "or"
+    joined = f"{', '.join(others)} {word} {last}" if others else last
+    return f"every family but {joined}" if ANY in families else joined
 
 
 def rows_of(dialect: str, verdict: Verdict, entries: list[CodeEntry]) -> list[str]:
