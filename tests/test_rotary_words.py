@@ -6,11 +6,13 @@ import subprocess
 import numpy as np
 import pytest
 from support.command import refusal, succeed
+from support.plain_programs import outcome
 from support.programs import model_of
 
 import ncomp
 from kinematics.effects import Cyclic
 from kinematics.error_model.model import write_model
+from postproc.control.interpreter import Interpreter
 from postproc.motion.moves import Kind
 
 MACHINE = """name = "mill"
@@ -205,6 +207,40 @@ def test_many_plain_lines_are_read_like_single_ones(mill):
     assert angles(together) == pytest.approx(angles(single), abs=1e-9)
     assert np.abs(np.diff(angles(together))).max() <= 180.0
     assert angles(together)[1:] % 360 == pytest.approx(numbers)
+
+
+RULES = {
+    "M126, an axis with ends": ("heidenhain", "M126", "", "[-200, 200]"),
+    "signed": ("iso", "G90", "signed", None),
+    "shortest, an axis with ends": ("iso", "G90", "shortest", "[-200, 200]"),
+}
+"""Dialect, a line of the program, rollover and travel: words of C are read one after the other."""
+
+
+@pytest.mark.parametrize("case", RULES)
+def test_only_lines_that_name_such_an_axis_are_read_one_by_one(case, mill):
+    """They are the same together and alone, and those without a word of C are read together."""
+    dialect, mode, rollover, travel = RULES[case]
+    machine = ncomp.load_machine(mill(rollover, **({} if travel is None else {"travel": travel})))
+    model = model_of(machine, Cyclic("A", "X", 30.0, (5.0,), (3.0,)))
+    rng, klartext = np.random.default_rng(7), dialect == "heidenhain"
+    lines = [f"{'L ' if klartext else ''}X{x:+.3f}" for x in rng.uniform(-50, 50, 120)]
+    for k, number in zip(range(20, 110, 15), (355.0, 5.0, 170.0, 190.0, 350.0, 10.0), strict=True):
+        lines[k] += f" C{number:+.1f}"
+    head = ["BEGIN PGM A MM", mode, "L X+0 Y+0 Z+0 B+0 C+0 R0 F500"] if klartext else [mode, "G1 X0 Y0 Z0 B0 C0 F500"]
+    text = "\n".join([*head, *lines, *(["END PGM A MM"] if klartext else ["M30"])]) + "\n"
+    together = outcome(text, machine, model, dialect=dialect)
+    assert together == outcome(text, machine, model, dialect=dialect, plain=False)
+    assert len(together) == 2, together
+
+    taken = []
+    with pytest.MonkeyPatch.context() as patch:
+        take = Interpreter._take_run
+        patch.setattr(
+            Interpreter, "_take_run", lambda own, at, run, *rest: taken.append(len(run)) or take(own, at, run, *rest)
+        )
+        outcome(text, machine, model, dialect=dialect)
+    assert sum(taken) >= 110
 
 
 # ---- signs that are directions, against LinuxCNC

@@ -96,9 +96,10 @@ class Interpreter(ABC):
         """Take over plain lines: as columns from the first line before which the state is plain."""
         line = 0
         run = replace(run, incremental=not self.modal.absolute)
+        ends = np.append(np.flatnonzero(self.recorder.rotary.in_turn(run)), len(run))
         while line < len(run):
-            plain = self.modal.plain and not self.recorder.rotary.sequential
-            taken = self._take_lines(index + line, run.part(line, len(run))) if plain else None
+            end = int(ends[np.searchsorted(ends, line)])
+            taken = self._take_lines(index + line, run.part(line, end)) if self.modal.plain and line < end else None
             yield self._read_single(index + line, run.block(line)) if taken is None else taken
             line += 1 if taken is None else len(taken)
 

@@ -130,13 +130,18 @@ class RotaryAxes:
         """True while the numbers of all words are the positions."""
         return self._as_written and not any(self.turns)
 
-    @property
-    def sequential(self) -> bool:
-        """True while words have to be read one by one."""
-        limited = (
-            way.wraps and not math.isinf(self.machine.axes[axis].travel[1]) for axis, way in enumerate(self.ways)
-        )
-        return Way.SIGNED in self.ways or any(limited)
+    def in_turn(self, run: PlainRun) -> np.ndarray:
+        """True `(lines,)` for plain lines whose rotary words or tool vectors have to be read one after the other.
+
+        A number with a sign may lead over a turn, and an axis that does not turn without end stays in its travel.
+        """
+        limited = [not math.isinf(self.machine.axes[axis].travel[1]) for axis in range(len(self.ways))]
+        axes = [
+            axis for axis in self.axes if self.ways[axis] is Way.SIGNED or (self.ways[axis].wraps and limited[axis])
+        ]
+        found = (run.columns.end[axes] > 0).any(axis=0)
+        vectors = run.vectors if axes else None
+        return np.asarray(found if vectors is None else found | np.isfinite(vectors.tool[:, 0]))
 
     def turn_by(self, way: Way) -> None:
         """Read the words from here on by this way (Klartext: M126, M127)."""
