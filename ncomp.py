@@ -73,7 +73,6 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
     from postproc.control.setup import Setup
     from postproc.folders.programs import FolderProgram, Outcome
-    from postproc.interface.request import Request
     from postproc.text.source import Source
 
 __all__ = [
@@ -321,30 +320,12 @@ def watch(
     A program that is refused does not stop the others; an earlier output of it is renamed to NAME.earlier. UserError
     for arguments that cannot be used when the function begins; later it waits until they can.
     """
+    from calibration.interface.drifting import Drifting
     from postproc.interface.watching import NoResults, Watch
 
     given = {"machine": machine, "calibration": calibration, "set_up": set_up, "conditions": conditions, **correction}
-    following = _following(drift, say, drift_since, drift_tolerance_um)
+    following = Drifting.of(None if drift is None else Path(drift), say, drift_since, drift_tolerance_um)
     return Watch(watched(folder, output, job, glob, given, following), settle, say, NoResults(), progress).run(idle)
-
-
-def _following(
-    log: str | Path | None, say: Callable[[str], None], since: str | None, tolerance_um: float | None
-) -> Callable[[Callable[[], Request]], Callable[[], Request]] | None:
-    """What makes of the request of watched programs the one with the drift by a log; None without a log."""
-    if log is None:
-        for name, value in {"drift_since": since, "drift_tolerance_um": tolerance_um}.items():
-            if value is not None:
-                raise UserError(f"watch(): {name} is of the log of touches: give drift too")
-        return None
-    path = Path(log)
-
-    def following(given: Callable[[], Request]) -> Callable[[], Request]:
-        from calibration.interface.drifting import Drifting
-
-        return Drifting(path, given, say, since, tolerance_um)
-
-    return following
 
 
 if __name__ == "__main__":

@@ -35,12 +35,8 @@ from kinematics.transforms import TURN_RAD, Array, read_only, turn
 
 POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
 FOLD = 2e-15  # rad: a tool axis within rounding of the farthest tilt is taken to be on it
-SINGULAR_DETERMINANT = (
-    1e-9  # volume spanned by the directions of the linear axes below which they cannot position the tool
-)
-LAST_INVERSE_STEP = (
-    5e-11  # mm: residual at which a damped Newton search ends, orientation counted at an arm of `ROTARY_ARM_MM`
-)
+FLAT_VOLUME = 1e-9  # volume spanned by the directions of the linear axes below which they cannot position the tool
+LAST_INVERSE_STEP = 5e-11  # mm: residual at which a damped Newton search ends, orientation at `ROTARY_ARM_MM`
 ROTARY_ARM_MM = 100.0  # mm per rad: weighs orientation against position in the damped Newton search
 RESTARTS = 8  # damped Newton searches from other rotary positions before a pose is given up
 DOUBT = 1e-9  # rad: solutions whose ways differ by less are compared one by one

@@ -462,7 +462,7 @@ def test_programs_that_python_watches_are_corrected_for_the_drift_as_well():
     with pytest.raises(UserError, match=r"known to 0\.001 um: touch the sphere again"):
         ncomp.watch("in", "new", "dmu50", "none", drift_tolerance_um=0.001, **options)
     del options["drift"]
-    with pytest.raises(UserError, match="drift_since is of the log of touches: give drift too"):
+    with pytest.raises(UserError, match=r'drift_since= is of the log of touches: give drift="LOG\.csv" too'):
         ncomp.watch("in", "new", "dmu50", "none", drift_since="2026-01-01", **options)
 
 
@@ -489,6 +489,8 @@ def test_options_of_the_log_need_it(words):
     Path("in").mkdir()
     message = refusal("watch", "in", "out", "--machine", "dmu50", "--calibration", "none", *words)
     assert "give --drift LOG.csv too" in message
+    Path("job.toml").write_text('machine = "dmu50"\ncalibration = "none"\n[programs]\n"in/a.nc" = "out/a.nc"\n')
+    assert "nor --drift" in refusal("watch", "job.toml", *words)
 
 
 def minutes_ago(minutes: float) -> datetime.datetime:

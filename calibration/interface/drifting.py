@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import msgspec
 
 from calibration.interface.calibrations import drift
 from calibration.interface.measurements import read_measurement
@@ -19,26 +17,17 @@ if TYPE_CHECKING:
     from calibration.following.drift import Drift
     from calibration.following.followed import Followed
     from kinematics.error_model.model import ErrorModel
-    from postproc.interface.request import Request
 
 
 class Drifting:
-    """The request of watched programs whose calibration has the drift of the machine.
+    """The calibration of watched programs, with the drift of the machine.
 
     The calibration with the drift is written beside the log, LOG.drift.json, when the log changes. Where the drift is
     less than its uncertainty at this moment, the calibration that was given counts.
     """
 
-    def __init__(
-        self,
-        log: Path,
-        given: Callable[[], Request],
-        say: Callable[[str], None],
-        since: str | None = None,
-        tolerance_um: float | None = None,
-    ) -> None:
-        self._log, self._given, self._say = log, given, say
-        self._since, self._tolerance_um = since, tolerance_um
+    def __init__(self, log: Path, say: Callable[[str], None], since: str | None, tolerance_um: float | None) -> None:
+        self._log, self._say, self._since, self._tolerance_um = log, say, since, tolerance_um
         self.output = log.with_suffix(".drift.json")
         self._key: Any = None
         self._corrected: bool | None = None
@@ -46,28 +35,42 @@ class Drifting:
     _followed: Followed
     _calibration: ErrorModel
 
-    def __call__(self) -> Request:
-        """The request now; UserError for a log that cannot be used."""
-        request = self._given()
-        files = [path for path in (self._log, *request.files) if path.is_file()]
-        key = {path: fingerprint(read_input(path, "file")) for path in files if path != self.output}
+    @classmethod
+    def of(
+        cls, log: Path | None, say: Callable[[str], None], since: str | None, tolerance_um: float | None
+    ) -> Drifting | None:
+        """By a log of touches; None without one. UserError for what belongs to a log, without one."""
+        if log is not None:
+            return cls(log, say, since, tolerance_um)
+        for option, value in {"--drift-since": since, "--drift-tolerance-um": tolerance_um}.items():
+            if value is not None:
+                raise UserError(f"{option} is of the log of touches: give --drift LOG.csv too")
+        return None
+
+    def __call__(self, machine: str, calibration: str | None, files: Sequence[Path]) -> str | None:
+        """Name of the calibration that counts now; UserError for a log that cannot be used.
+
+        machine, calibration: names of those that are given. files: with changes of these, the drift is estimated again.
+        """
+        there = [path for path in (self._log, *files) if path.is_file()]
+        key = {path: fingerprint(read_input(path, "file")) for path in there if path != self.output}
         if key != self._key:
-            self._follow(request)
+            self._follow(machine, calibration)
             self._key, self._corrected = key, None
         found = self._now()
         if found.estimate.significant != self._corrected:
             self._take(found)
             self._corrected = found.estimate.significant  # only now: a file that was not written is of an earlier drift
-        return msgspec.structs.replace(request, calibration=str(self.output)) if self._corrected else request
+        return str(self.output) if self._corrected else calibration
 
-    def _follow(self, request: Request) -> None:
-        measurement = read_measurement(self._log, request.machine)
+    def _follow(self, machine: str, calibration: str | None) -> None:
+        measurement = read_measurement(self._log, machine)
         if measurement.start is None or measurement.start.tzinfo is None:
             raise UserError(
                 f"--drift {self._log}: the programs of now need the times of the touches: a column time with time "
                 "stamps, and the zone of their clock ('# zone: Europe/Berlin')"
             )
-        found = drift(measurement, request.calibration)
+        found = drift(measurement, calibration)
         self._followed, self._calibration = found.followed, found.calibration
 
     def _now(self) -> Drift:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from postproc.control.setup import Setup
     from postproc.folders.checked import Checked
     from postproc.folders.summary import Summary
-    from postproc.interface.request import Request
+    from postproc.interface.request import CalibrationOfNow, Request
     from postproc.interface.watching import Folder, JobFile
 
 OF_ONE = ("output", "traced", "one_of_several", "beside", "shared")
@@ -122,14 +122,14 @@ def watched(
     job: str | Path | None,
     glob: Sequence[str],
     given: Mapping[str, Any],
-    following: Callable[[Callable[[], Request]], Callable[[], Request]] | None,
+    following: CalibrationOfNow | None,
 ) -> Folder | JobFile:
     """The source of the programs of `ncomp.watch`; UserError for arguments that cannot be used together.
 
-    given: machine, calibration, set_up, conditions, and the arguments of `correct`. following: makes of a request the
-    one of now.
+    given: machine, calibration, set_up, conditions, and the arguments of `correct`. following: the calibration of now.
     """
     from postproc.interface.job_file import is_job_file, read_job
+    from postproc.interface.request import with_calibration
     from postproc.interface.watching import Folder, JobFile
 
     file = Path(folder) if is_job_file(Path(folder)) else job
@@ -150,7 +150,7 @@ def watched(
     def now() -> Request:
         return request or read_job(Path(str(job)), there=False).request
 
-    requests = now if following is None else following(now)
+    requests = with_calibration(now, following)
     return Folder(Path(folder), Path(output), glob, requests, None if job is None else Path(job))
 
 

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from postproc.folders.programs import FolderProgram
     from postproc.folders.summary import Summary
 
+CalibrationOfNow = Callable[[str, str | None, Sequence[Path]], str | None]
+"""Name of the calibration that counts now: of machine and calibration that are given, and of all files of a request."""
+
 
 class Request(msgspec.Struct, frozen=True, kw_only=True):
     """Machine, calibration, set-up, conditions and extent of several corrections."""
@@ -139,3 +142,16 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
         for program in self.of_each(self.main_programs(programs)):
             setup = program.setup or self.setup(found)
             yield program, check(program.path, found, setup=setup, one_of_several=True, **given)
+
+
+def with_calibration(given: Callable[[], Request], of_now: CalibrationOfNow | None) -> Callable[[], Request]:
+    """The request of each moment, with the calibration that counts then; None for the one that is given."""
+    if of_now is None:
+        return given
+
+    def now() -> Request:
+        request = given()
+        calibration = of_now(request.machine, request.calibration, request.files)
+        return msgspec.structs.replace(request, calibration=calibration)
+
+    return now

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from kinematics.user_error import UserError
 from postproc.commands.options.declared import MODEL, option
 
 if TYPE_CHECKING:
@@ -37,17 +36,17 @@ class DriftOptions:
         min=0.0,
     )
 
-    def __post_init__(self) -> None:
-        """UserError for an option without the log."""
-        for name in ("since", "tolerance_um"):
-            if self.drift is None and getattr(self, f"drift_{name}") is not None:
-                option_name = f"--drift-{name.replace('_', '-')}"
-                raise UserError(f"{option_name}: is of the log of touches: give --drift LOG.csv too")
+    @property
+    def given(self) -> bool:
+        """True with any option."""
+        return any(each is not None for each in (self.drift, self.drift_since, self.drift_tolerance_um))
 
     def requests(self, given: Callable[[], Request], say: Callable[[str], None]) -> Callable[[], Request]:
-        """The request of watched programs, with the drift by the log if there is one."""
-        if self.drift is None:
-            return given
-        from calibration.interface.drifting import Drifting
+        """The request of watched programs, with the drift by the log if there is one.
 
-        return Drifting(self.drift, given, say, self.drift_since, self.drift_tolerance_um)
+        UserError for options of the log without one.
+        """
+        from calibration.interface.drifting import Drifting
+        from postproc.interface.request import with_calibration
+
+        return with_calibration(given, Drifting.of(self.drift, say, self.drift_since, self.drift_tolerance_um))

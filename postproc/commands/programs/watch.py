@@ -63,7 +63,7 @@ def watch(
     source: Folder | JobFile
     if is_job_file(folder):
         given.refuse(f"is an entry of the job file {folder}")
-        if output is not None or job is not None or glob or drift.drift is not None:
+        if output is not None or job is not None or glob or drift.given:
             raise UserError(f"{folder} is a job file: give neither OUT nor --glob nor --drift (--job does)")
         source = JobFile(folder)
     else:
