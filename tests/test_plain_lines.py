@@ -13,6 +13,7 @@ from support.iso_lines import blocks
 from support.no_process import Here
 from support.plain_programs import (
     arc_programs,
+    hole_programs,
     incremental_programs,
     klartext_lines,
     klartext_mixtures,
@@ -40,6 +41,8 @@ SIEMENS = find_dialect("siemens", "", "")
 KLARTEXT = find_dialect("heidenhain", "", "")
 ALL_AXES = "XYZABCUVW"
 VECTORS = ("A3", "B3", "C3", "NX", "NY", "NZ", "TX", "TY", "TZ")
+FANUC = dataclasses.replace(DMU50, control=dataclasses.replace(DMU50.control, family="fanuc"))
+FAMILIES = ("", "fanuc", "linuxcnc")
 PIECES = (1, 7, 4096, 1 << 20)
 
 
@@ -367,6 +370,35 @@ def test_siemens_increments_in_bulk_give_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
     single = outcome(text, DMU50, model, plain=False, dialect="siemens", tolerance_um=1e3)
     assert outcome(text, DMU50, model, piece=piece, dialect="siemens", tolerance_um=1e3) == single
+
+
+@drawn(
+    4,
+    80,
+    800,
+    text=hole_programs(),
+    seed=st.integers(0, 3),
+    piece=st.sampled_from(PIECES),
+    family=st.sampled_from(FAMILIES),
+)
+def test_holes_in_bulk_give_the_same_program(text, seed, piece, family):
+    machine = dataclasses.replace(DMU50, control=dataclasses.replace(DMU50.control, family=family))
+    model = model_of_errors(seed, 200.0)
+    single = outcome(text, machine, model, plain=False, tolerance_um=1e3)
+    assert outcome(text, machine, model, piece=piece, tolerance_um=1e3) == single
+
+
+@pytest.mark.parametrize(("back", "clear"), [("G98", 210), ("G99", 210), ("G99", 240)])
+def test_holes_are_written_together(monkeypatch, back, clear):
+    holes = "".join(f"X{5.0 * i:.4f}{' Y-' + str(i) + '.5' * (i % 2)}\n" for i in range(60))
+    text, written, one_row = f"{HEAD}{back} G81 X1. Z150. R{clear}.\n{holes}G80\nM30", [], Writer._write_row
+    monkeypatch.setattr(Writer, "_write_row", lambda self, *row: (written.append(row), one_row(self, *row))[1])
+    model = model_of_errors(2, 200.0)
+    together = outcome(text, FANUC, model)
+    assert isinstance(together, tuple)
+    assert len(written) < 8
+    assert any(b"R" in line and b"Z" in line for line in together[0][10:])
+    assert together == outcome(text, FANUC, model, plain=False)
 
 
 def test_increments_are_written_together(monkeypatch):

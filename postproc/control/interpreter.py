@@ -99,7 +99,9 @@ class Interpreter(ABC):
         ends = np.append(np.flatnonzero(self.recorder.rotary.in_turn(run)), len(run))
         while line < len(run):
             end = int(ends[np.searchsorted(ends, line)])
-            taken = self._take_lines(index + line, run.part(line, end)) if self.modal.plain and line < end else None
+            part = run.part(line, end)
+            take = self._take_lines if self.modal.plain else self._take_holes
+            taken = take(index + line, part) if len(part) else None
             yield self._read_single(index + line, run.block(line)) if taken is None else taken
             line += 1 if taken is None else len(taken)
 
@@ -140,6 +142,10 @@ class Interpreter(ABC):
             self._note_vectors(part, vectors)
         self._take_run(index, part, moves.first(taken), motion[:taken], arcs)
         return part
+
+    def _take_holes(self, _index: int, _run: PlainRun) -> PlainRun | None:
+        """Take over the first lines of a run as holes of the cycle in force; returns them, None for none."""
+        return None
 
     def _read_singly(self, run: PlainRun, vectors: PlainVectors) -> NDArrayBool:
         """True `(lines,)` for lines with vectors that are read one by one in the present state."""

@@ -70,16 +70,25 @@ class CannedCycle(msgspec.Struct):
         axis = self.axis
         programmed = {word.axis: (word.word, value) for word, value in words}
         self.store(words, retract)
-        level, bottom = self._level_and_bottom(block, recorder.machine.names[axis], to_retract)
-        to_retract = self._return(block, level, bottom, to_retract, family)
+        cycle, bottom, level = self.in_force(block, recorder.machine.names[axis], to_retract, family)
         positions = [(word, value) for word, value in words if word.axis != axis]
         target = recorder.target(block, positions)
         target[axis] = bottom
         depth_word = programmed[axis][0] if axis in programmed else None
         retract_word = None if retract is None else retract[0]
-        cycle = Cycle(axis, depth_word, retract_word, level, self.incremental, to_retract, not self.begun, switched)
+        cycle = cycle._replace(word=depth_word, retract_word=retract_word, switched=switched)
         self.begun = True
-        return Hole(target, level if to_retract else self.level, tuple(word for word, _ in positions), cycle)
+        return Hole(target, level, tuple(word for word, _ in positions), cycle)
+
+    def in_force(self, block: Block, name: str, to_retract: bool | None, family: str) -> tuple[Cycle, float, float]:
+        """The cycle of a hole with the depth and R in force, its bottom, and where the axis comes back to, mm.
+
+        name: of the axis. to_retract, family: as of `hole`.
+        """
+        clear, bottom = self._level_and_bottom(block, name, to_retract)
+        to_retract = self._return(block, clear, bottom, to_retract, family)
+        cycle = Cycle(self.axis, None, None, clear, self.incremental, to_retract, not self.begun)
+        return cycle, bottom, clear if to_retract else self.level
 
     def _level_and_bottom(self, block: Block, name: str, to_retract: bool | None) -> tuple[float, float]:
         """Positions of R and of the bottom, mm, along the axis of this name; Refusal where the program gives none."""

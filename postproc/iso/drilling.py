@@ -7,11 +7,14 @@ from postproc.control.words import whole_of
 from postproc.iso.arcs import end_words, go_polar
 from postproc.iso.channel import Channel
 from postproc.iso.cycles import CannedCycle, check_cycle_words
-from postproc.iso.words import Content
+from postproc.iso.words import Content, sort_words
 from postproc.motion.moves import Kind
 from postproc.text.block import Block
+from postproc.text.blocks import PlainRun
 
 MOST_HOLES = 9999
+HOLES_AT_ONCE = 1000
+"""Lines, at most, in which holes are looked for together: a line with a depth ends them."""
 
 
 def begin_cycle(channel: Channel, block: Block, code: float) -> None:
@@ -80,6 +83,30 @@ def drill(channel: Channel, index: int, content: Content, cycle: CannedCycle) ->
         if polar is not None:
             go_polar(channel, hole.target, polar)
         channel.recorder.drill(index, hole.target, hole.level, modal.unit, hole.positions, hole.cycle)
+
+
+def drill_lines(channel: Channel, index: int, run: PlainRun) -> int:
+    """Record the first lines of a run, which give nothing but positions, as holes of the cycle in force; their number.
+
+    None are recorded in a state in which they do not follow from their positions alone.
+    """
+    modal, recorder, cycle = channel.modal, channel.recorder, channel.modal.cycle
+    special = modal.compensated or modal.cornered or modal.tilted or modal.polar is not None or modal.not_programmed
+    if cycle is None or special or modal.ended or not cycle.begun or cycle.incremental or recorder.start.at:
+        return 0
+    run = run.part(0, min(len(run), HOLES_AT_ONCE))
+    positions = [axis for axis, rotary in enumerate(channel.rotary) if not rotary and axis != cycle.axis]
+    others = [i for i in range(len(run.lines.addresses)) if i not in positions]
+    singly = (run.columns.end[others] > 0).any(axis=0) | (run.columns.motion >= 0) | (run.feeds == 0.0)
+    lines = int(singly.argmax()) if singly.any() else len(run)
+    if not lines or run.incremental or not recorder.rotary.plain or not channel.control_state.uses(recorder.frame):
+        return 0
+    part, block = run.part(0, lines), run.block(0)
+    _check_cycle_frame(channel, sort_words(block), cycle)
+    name = recorder.machine.names[cycle.axis]
+    hole = cycle.in_force(block, name, _returns(channel, cycle), channel.family)
+    recorder.drill_lines(index, part, recorder.plain_moves(part, modal.unit), hole, modal.unit)
+    return lines
 
 
 def _returns(channel: Channel, cycle: CannedCycle) -> bool | None:

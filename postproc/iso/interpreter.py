@@ -47,7 +47,7 @@ from postproc.iso.codes import (
 from postproc.iso.coordinate_presets import cancel_preset, change_coordinates
 from postproc.iso.cycles import calls_macro
 from postproc.iso.datum_transformations import end_mirror, end_turn
-from postproc.iso.drilling import begin_cycle, drill, end_cycle
+from postproc.iso.drilling import begin_cycle, drill, drill_lines, end_cycle
 from postproc.iso.families import KINEMATICS, LINUXCNC, MACH3, REFERENCED
 from postproc.iso.modal_state import ModalState
 from postproc.iso.reading.commands import run_command
@@ -99,6 +99,15 @@ class IsoInterpreter(Interpreter):
         self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
     ) -> None:
         super()._take_run(index, run, moves, motion, arcs)
+        self._note_run(run)
+
+    def _take_holes(self, index: int, run: PlainRun) -> PlainRun | None:
+        if not (lines := drill_lines(self.channel, index, run)):
+            return None
+        self._note_run(part := run.part(0, lines))
+        return part
+
+    def _note_run(self, run: PlainRun) -> None:
         if _has_integers(run):
             integers = _integers(run)
             self.notes.add(INTEGERS, run.number + int(np.flatnonzero(integers)[0]), int(integers.sum()))

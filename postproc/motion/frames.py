@@ -109,6 +109,25 @@ def drills_along(machine: Machine, frame: Frame, program: Sequence[float], axis:
     return bool(max(apart) < SAME_FRAME_MM)
 
 
+def axes_moved(machine: Machine, before: Frame, frame: Frame) -> list[int]:
+    """Columns of the axes whose coordinates change their meaning in another frame."""
+    moved = {i for i, (a, b) in enumerate(zip(before.offset, frame.offset, strict=True)) if a != b}
+    if (frame.tcp or before.tcp or frame.turn != before.turn) and frame != before:
+        moved.update(cartesian(machine))
+    return sorted(moved)
+
+
+def axes_coupled(machine: Machine, frame: Frame, moved: Iterable[int]) -> list[int]:
+    """Columns of the axes whose programmed coordinates change if some axes move in machine coordinates."""
+    x_y_z = cartesian(machine)
+    if frame.tcp:
+        return list(x_y_z)
+    if not frame.couples:
+        return []
+    rows = [x_y_z.index(axis) for axis in moved if axis in x_y_z]
+    return [x_y_z[i] for i in np.flatnonzero(frame.shares[rows].any(axis=0)).tolist()]
+
+
 def in_workpiece(machine: Machine, frame: Frame, program: Array) -> Array:
     """Tool points `(n, 3)`, mm, in the workpiece frame, of programmed positions `(n, axes)` under TCP."""
     return np.asarray(_placed(machine, frame, program)[:, cartesian(machine)])

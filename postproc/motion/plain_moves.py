@@ -25,6 +25,13 @@ class PlainMoves(NamedTuple):
         """The first moves."""
         return PlainMoves(*(column[:lines] for column in self))
 
+    def drilled(self, axis: int, bottom: float, level: float) -> PlainMoves:
+        """The moves as holes: an axis goes to the bottom, and back to a level before the next one; mm."""
+        start, target, known_start, known = (column.copy() for column in self)
+        start[1:, axis], target[:, axis] = level, bottom
+        known_start[:, axis] = known[:, axis] = Known.PROGRAM
+        return PlainMoves(start, target, known_start, known)
+
     @staticmethod
     def of(run: PlainRun, scale: Array, position: list[float], known: list[Known]) -> PlainMoves:
         """The moves of plain lines from a position whose axes are known so well.

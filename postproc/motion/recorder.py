@@ -12,7 +12,7 @@ from kinematics.machine import Machine, NDArrayBool
 from postproc.motion.along import heading
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.circles import SAME_POINT_MM
-from postproc.motion.frames import Frame, cartesian, to_machine, to_program
+from postproc.motion.frames import Frame, axes_coupled, axes_moved, to_machine, to_program
 from postproc.motion.motions import BY_ROW, Motions
 from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd, StartPosition
 from postproc.motion.plain_moves import PlainMoves
@@ -95,7 +95,7 @@ class Recorder:
         machine. None for the axes whose offset differs.
         """
         declared = self.start.pending
-        self.mark_uncertain(self._moved_by(frame) if axes is None else axes)
+        self.mark_uncertain(axes_moved(self.machine, self.frame, frame) if axes is None else axes)
         before, self.frame = self.frame, frame
         if frame != before:
             q = to_machine(self.machine, before, np.array([self.position]))
@@ -212,6 +212,19 @@ class Recorder:
             self.known[cycle.axis] = Known.PROGRAM
         incremental = any(word.incremental for word in words)
         self.move(block, Kind.CYCLE, target, unit, words, incremental=incremental)
+        self._come_back(cycle, level, before)
+
+    def drill_lines(
+        self, block: int, run: PlainRun, moves: PlainMoves, hole: tuple[Cycle, float, float], unit: float
+    ) -> None:
+        """Record plain lines as holes, as `drill` does line by line; hole: its cycle, bottom and `level`, mm."""
+        cycle, bottom, level = hole
+        before, kinds = self.known[cycle.axis], np.full(len(run), Kind.CYCLE)
+        self.append(block, run, moves.drilled(cycle.axis, bottom, level), kinds, {}, unit, timed=False)
+        self._by_row["cycles"].update(dict.fromkeys(range(self._joined - len(run), self._joined), cycle))
+        self._come_back(cycle, level, before)
+
+    def _come_back(self, cycle: Cycle, level: float, before: Known) -> None:
         self.position[cycle.axis] = level
         if cycle.to_retract is None:
             self.known[cycle.axis] = Known.ASSUMED
@@ -256,7 +269,7 @@ class Recorder:
                 position = self.rotary.position(axis, value, float(q[axis]) / scale, 0.0, (modes or {}).get(axis, ""))
             q[axis] = position * scale
             self.known[axis] = Known.MACHINE
-        self.mark_uncertain(self._coupled(targets))
+        self.mark_uncertain(axes_coupled(self.machine, self.frame, targets))
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
         self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), words, before)
         self._last = None
@@ -312,7 +325,7 @@ class Recorder:
             self.known[axis] = Known.ASSUMED
             self.rotary.turns[axis] = 0.0
             self.start.at.pop(axis, None)
-        for axis in self._coupled(axes):
+        for axis in axes_coupled(self.machine, self.frame, axes):
             self.known[axis] = Known.ASSUMED
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
 
@@ -375,24 +388,6 @@ class Recorder:
         frame = len(self._frames) - 1
         self._rows.append((block, kind, frame, unit, *modes, start, tuple(target), before, tuple(self.known)))
         self._words.append(words)
-
-    def _moved_by(self, frame: Frame) -> list[int]:
-        """Columns of the axes whose coordinates change their meaning in another frame."""
-        old, new = self.frame.offset, frame.offset
-        moved = {i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b}
-        if (frame.tcp or self.frame.tcp or frame.turn != self.frame.turn) and frame != self.frame:
-            moved.update(cartesian(self.machine))
-        return sorted(moved)
-
-    def _coupled(self, moved: Iterable[int]) -> list[int]:
-        """Columns of the axes whose programmed coordinates change if some axes move in machine coordinates."""
-        x_y_z = cartesian(self.machine)
-        if self.frame.tcp:
-            return list(x_y_z)
-        if not self.frame.couples:
-            return []
-        rows = [x_y_z.index(axis) for axis in moved if axis in x_y_z]
-        return [x_y_z[i] for i in np.flatnonzero(self.frame.shares[rows].any(axis=0)).tolist()]
 
     def _programmed(self, positions: list[float]) -> list[float]:
         q = np.array([positions]) * self.machine.scale

@@ -15,12 +15,13 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from kinematics.machine import NDArrayBool
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.correction import Correction
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Cycle, Kind
 from postproc.text.editing import WordEditor
+from postproc.write.decimals import decimals_of_axis
 
 
 class Depth(NamedTuple):
@@ -53,6 +54,18 @@ class Scale(NamedTuple):
     """True if both R and the depth are written, even if only one of them has changed."""
 
 
+class PlainHoles(NamedTuple):
+    """Holes of one cycle in plain lines, which give nothing but their positions."""
+
+    cycle: Cycle
+    bottoms: Array
+    """Written bottoms `(lines,)`, mm."""
+    levels: Array
+    """Levels `(lines,)` to which the axis returns, mm."""
+    words: dict[str, dict[int, float]]
+    """Numbers of the added words by name and line."""
+
+
 class HoleWriter:
     """Writes depth and R of holes; both remain in force in blocks that omit them.
 
@@ -60,7 +73,10 @@ class HoleWriter:
     its distance from R.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self.bottom = 0.0
+        """Written bottom of the last hole, mm."""
         self._level = 0.0
         """Position of the axis before the first cycle, mm."""
         self._nominal_level = 0.0
@@ -68,7 +84,29 @@ class HoleWriter:
         self._held: dict[str, float] = {}
         """Last written positions of R and the depth, mm."""
 
-    def write(
+    def write_row(
+        self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
+    ) -> None:
+        """Write depth and R of a hole if they differ from those in force; `held` becomes the level after the cycle."""
+        cycle = motions.cycles[row]
+        z = cycle.axis
+        corrected, nominal = float(correction.target[row, z]), float(motions.target[row, z])
+        depth = Depth(corrected, nominal, bool(motions.correctable[row, z]))
+        before, scale = (held[z], float(motions.start[row, z])), self._scale(motions, row, z)
+        self.bottom, held[z] = self._write(editor, cycle, self._machine.names[z], depth, before, scale)
+
+    def write_rows(self, motions: Motions, correction: Correction, rows: slice, held: list[float]) -> PlainHoles:
+        """The depths of plain lines, which are holes of one cycle."""
+        cycle = motions.cycles[rows.start]
+        z = cycle.axis
+        depths, before = (correction.target[rows, z], motions.target[rows, z]), (held[z], motions.start[rows, z])
+        return self._write_lines(cycle, self._machine.names[z], depths, before, self._scale(motions, rows.start, z))
+
+    def _scale(self, motions: Motions, row: int, axis: int) -> WordScale:
+        unit = float(motions.unit[row])
+        return WordScale(unit, decimals_of_axis(self._machine, axis, unit))
+
+    def _write(
         self, editor: WordEditor, cycle: Cycle, name: str, depth: Depth, before: tuple[float, float], scale: WordScale
     ) -> tuple[float, float]:
         """Edit the block of a hole; returns its written bottom and the level to which the axis returns, mm.
@@ -78,15 +116,8 @@ class HoleWriter:
         if cycle.first:
             self._level, self._nominal_level = before
             self._held.clear()
-        clear = cycle.clear + depth.corrected - depth.nominal
-        if cycle.clear <= self._nominal_level:
-            clear = min(clear, self._level)
-        elif cycle.to_retract:
-            clear = max(clear, self._level)
-        if not cycle.to_retract and before[1] < self._nominal_level and before[1] <= cycle.clear:
-            clear = max(clear, before[0])
         unit, decimals = scale
-        corrected = {"R": clear, "depth": depth.corrected}
+        corrected = {"R": self._clear(cycle, depth, before), "depth": depth.corrected}
         incremental = cycle.incremental != cycle.switched
         above = self._level if incremental else 0.0
         both = (incremental or cycle.switched) and any(
@@ -98,6 +129,41 @@ class HoleWriter:
             editor, cycle.word, (name, "depth"), corrected["depth"], clear if incremental else 0.0, words
         )
         return bottom, clear if cycle.to_retract else self._level
+
+    def _write_lines(
+        self, cycle: Cycle, name: str, depths: tuple[Array, Array], before: tuple[float, Array], scale: WordScale
+    ) -> PlainHoles:
+        """As `_write` line by line, of lines without words for R and depth, which are corrected, in G90.
+
+        depths: corrected and nominal ones `(lines,)`. before: the position of the axis before the first hole, as
+        written, and those before all of them `(lines,)`, as programmed. All in mm.
+        """
+        unit, decimals = scale
+        words: dict[str, dict[int, float]] = {"R": {}, name: {}}
+        ends: list[tuple[float, float]] = []
+        held = before[0]
+        columns = zip(*(of.tolist() for of in (*depths, before[1])), strict=True)
+        for line, (corrected, nominal, start) in enumerate(columns):
+            clear = self._clear(cycle, Depth(corrected, nominal, programmed=True), (held, start))
+            for address, quantity, value in (("R", "R", clear), (name, "depth", corrected)):
+                if self._differs(quantity, value, unit, decimals):
+                    words[address][line] = round(value / unit, decimals)
+                    self._held[quantity] = unit * words[address][line]
+            held = self._held["R"] if cycle.to_retract else self._level
+            ends.append((self._held["depth"], held))
+        bottoms, levels = np.array(ends).T
+        return PlainHoles(cycle, bottoms, levels, words)
+
+    def _clear(self, cycle: Cycle, depth: Depth, before: tuple[float, float]) -> float:
+        """Corrected R of a hole, mm; before: as of `_write`."""
+        clear = cycle.clear + depth.corrected - depth.nominal
+        if cycle.clear <= self._nominal_level:
+            clear = min(clear, self._level)
+        elif cycle.to_retract:
+            clear = max(clear, self._level)
+        if not cycle.to_retract and before[1] < self._nominal_level and before[1] <= cycle.clear:
+            clear = max(clear, before[0])
+        return clear
 
     def _differs(self, quantity: str, corrected: float, unit: float, decimals: int) -> bool:
         """True if a position, mm, differs from the value on the control."""
@@ -121,6 +187,11 @@ class HoleWriter:
             return self._held.get(quantity, corrected)
         self._held[quantity] = base + scale.unit * programmed
         return self._held[quantity]
+
+
+def corrected_holes(motions: Motions) -> list[int]:
+    """Rows of the holes with a corrected depth."""
+    return [row for row, cycle in motions.cycles.items() if motions.correctable[row, cycle.axis]]
 
 
 # ---- patterns of holes, Klartext cycles 220 and 221: one block, which has one position

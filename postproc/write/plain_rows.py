@@ -22,6 +22,7 @@ from postproc.text.plain_columns import POWERS, NumberMarks
 from postproc.text.plain_lines import LARGEST_PLAIN_NUMBER
 from postproc.text.source import ENCODING
 from postproc.write.decimals import Present, increments, rounded
+from postproc.write.drilling import PlainHoles
 from postproc.write.plain_arcs import RADIUS, PlainArcs, WritableArcs
 from postproc.write.plain_texts import FEED, PlainWords, joined
 
@@ -45,6 +46,8 @@ class WrittenRows(NamedTuple):
     words: PlainWords
     ends: Array
     """Positions on the control after each line `(lines, axes)`."""
+    behind: Array
+    """Positions on the control before the next line; those of `ends` but behind holes."""
     arcs: dict[int, Arc]
     """Arcs about the centres that the control uses, by line."""
     layout: Layout
@@ -71,6 +74,8 @@ class PlainRows(msgspec.Struct, dict=True):
     """Rotary axes that vectors turn, without words."""
     feeds: Callable[[Array, Array], tuple[Array, np.ndarray]] | None = None
     """F of the lines `(lines,)` and its decimals, for their written starts and ends; nan where F stays."""
+    holes: PlainHoles | None = None
+    """Depths of the lines, which are holes; None for moves."""
 
     def write(self, axes: Sequence[WrittenAxis], held: list[float], layout: Layout) -> WrittenRows | None:
         """Write the lines before the first arc that has to be written by itself; None if there are none.
@@ -87,8 +92,11 @@ class PlainRows(msgspec.Struct, dict=True):
         layouts = _Layouts(self.run, layout)
         found: list[PlainWords] = []
         of_axis = self._increments if self.run.incremental else self._axis
+        drilling = -1 if self.holes is None else self.holes.cycle.axis
         for axis in axes:
-            found += of_axis(axis, held[axis.column], ends[:, axis.column], layouts)
+            if axis.column != drilling:
+                found += of_axis(axis, held[axis.column], ends[:, axis.column], layouts)
+        behind = ends if self.holes is None else self._drill(self.holes, axes, ends, layouts, found)
         arcs: dict[int, Arc] = {}
         lines = len(ends)
         if len(self.arcs.rows):
@@ -105,7 +113,25 @@ class PlainRows(msgspec.Struct, dict=True):
         words = joined(found)
         if lines < len(ends):
             words = words.take(words.line < self.run.first + lines)
-        return WrittenRows(words, ends[:lines], arcs, layouts.after(lines))
+        return WrittenRows(words, ends[:lines], behind[:lines], arcs, layouts.after(lines))
+
+    def _drill(
+        self,
+        holes: PlainHoles,
+        axes: Sequence[WrittenAxis],
+        ends: Array,
+        layouts: _Layouts,
+        found: list[PlainWords],
+    ) -> Array:
+        """Add the words of depths to `found` and the bottoms to `ends` `(lines, axes)`; returns positions behind."""
+        behind, drilling = ends.copy(), holes.cycle.axis
+        (along,) = (axis for axis in axes if axis.column == drilling)
+        for name, numbers in holes.words.items():
+            if numbers:
+                counts = np.rint(np.array([*numbers.values()]) * POWERS[along.decimals])
+                found.append(self._added(along._replace(name=name), np.array([*numbers], int), counts, layouts))
+        ends[:, drilling], behind[:, drilling] = holes.bottoms, holes.levels
+        return behind
 
     def _feeds(self, feeds: Array, decimals: np.ndarray, layouts: _Layouts) -> tuple[list[PlainWords], int]:
         """F words with these numbers `(lines,)`, and the first line whose number has to be written by itself."""
@@ -255,14 +281,14 @@ def simple_moves(motions: Motions) -> NDArrayBool:
     return np.asarray(single & ~np.isin(motions.block, list(motions.polar_ends)))
 
 
-def plain_stretches(motions: Motions, arcs: Iterable[int], rewritten: Iterable[int] = ()) -> dict[int, PlainRun]:
+def plain_stretches(motions: Motions, special: Iterable[int], rewritten: Iterable[int] = ()) -> dict[int, PlainRun]:
     """Runs of plain lines that are written together, by their first rows: each line has one row, and no added block.
 
-    arcs: rows of arcs that can be written together. rewritten: indices of blocks that get further changes.
+    special: rows of arcs and holes that can be written together. rewritten: indices of blocks that get further changes.
     """
     again = motions.block[1:] == motions.block[:-1]
     single = np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
-    single[list(arcs)] = True
+    single[list(special)] = True
     single[[row for row, paced in motions.paced.items() if paced.mode or paced.restored]] = False
     single &= ~np.isin(motions.block, list(rewritten))
     single &= ~np.append(False, again) & ~np.append(again, False)

@@ -34,7 +34,7 @@ from postproc.write.added_blocks import (
 )
 from postproc.write.arcs import ABOUT_POLES, CircleWriter
 from postproc.write.decimals import decimals_of_axis
-from postproc.write.drilling import Depth, HoleWriter, WordScale, apart, write_hole
+from postproc.write.drilling import HoleWriter, apart, corrected_holes, write_hole
 from postproc.write.editors import Editors, Rewrite, Written
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
 from postproc.write.plain_arcs import WritableArcs
@@ -86,9 +86,7 @@ class Writer:
         self._polar = PolarWriter()
         self._poles = PoleWriter(machine)
         self._circles = CircleWriter(machine, self._poles)
-        self._holes = HoleWriter()
-        self._bottom = 0.0
-        """Written bottom of the last hole, mm."""
+        self._holes = HoleWriter(machine)
 
     def _letter(self, axis: int) -> int:
         return ORDER.index(self.machine.names[axis][0])
@@ -108,7 +106,7 @@ class Writer:
         self._programmed, self._ours, self._inner = motions.correctable, motions.added, motions.intermediate
         together = not self._turns and indices is None
         arcs = WritableArcs.of(motions, {} if self._converts or not together else correction.middle_shift)
-        stretches = plain_stretches(motions, arcs.rows.tolist(), self._editors.rewrite.special) if together else {}
+        stretches = self._stretches(motions, arcs) if together else {}
         simple = simple_moves(motions) if indices is not None and not self._converts else np.zeros(len(motions), bool)
         plain: list[tuple[int, PlainRun, PlainWords]] = []
         self._kinds, self._numbers, behind = motions.kind.tolist(), numbers_of_added(motions), 0
@@ -125,17 +123,22 @@ class Writer:
                 if written is not None:
                     behind = row + lines
                     ends[row:behind] = written.ends
-                    starts[row + 1 : behind] = ends[row : behind - 1]
-                    self._held = ends[behind - 1].tolist()
+                    starts[row + 1 : behind] = written.behind[:-1]
+                    self._held = written.behind[-1].tolist()
                     plain.append((int(motions.block[row]), run.part(0, lines), written.words))
                     continue
             shift = ends[row - 1] - motions.target[row - 1]
             self._write_move(motions, correction, row, held, shift, simple=bool(simple[row]))
             ends[row] = self._held = held
             if row in motions.cycles:
-                ends[row, motions.cycles[row].axis] = self._bottom
+                ends[row, motions.cycles[row].axis] = self._holes.bottom
         texts = list(self._editors.texts(motions, texts_of_runs(plain)))
         return Written(texts, starts, ends, self._arcs, self._added)
+
+    def _stretches(self, motions: Motions, arcs: WritableArcs) -> dict[int, PlainRun]:
+        """Runs of plain lines that are written together, by their first rows."""
+        holes = [] if self._converts else corrected_holes(motions)
+        return plain_stretches(motions, [*arcs.rows.tolist(), *holes], self._editors.rewrite.special)
 
     def _write_move(
         self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array, *, simple: bool
@@ -195,6 +198,7 @@ class Writer:
             motions.start[rows],
             tuple(rotary) if run.no_insertion else (),
             partial(feeds_of_moves, motions, row) if motions.paced else None,
+            self._holes.write_rows(motions, correction, rows, held) if row in motions.cycles else None,
         )
         written = moves.write(axes, held, self._editors.layout)
         if written is not None:
@@ -263,7 +267,7 @@ class Writer:
             write_feed_mode(motions, row, editor)
         self._write_words(motions, correction, row, held, rotary_only, editor)
         if row in motions.cycles:
-            self._write_depth(motions, correction, row, held, editor)
+            self._holes.write_row(motions, correction, row, held, editor)
         if row in motions.paced:
             self._write_feed(motions, row, editor, self._path(start, held))
         if again and sorted(editor.edits) != sorted(self._editors.of(motions, block).edits):
@@ -326,17 +330,6 @@ class Writer:
         words.spelled = block in rewrite.spelled
         words.whole = block in rewrite.whole and not self._ours[row]
         return words
-
-    def _write_depth(
-        self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
-    ) -> None:
-        """Write depth and R of a hole if they differ from those in force; `held` becomes the level after the cycle."""
-        cycle, unit = motions.cycles[row], float(motions.unit[row])
-        z = cycle.axis
-        depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), bool(self._programmed[row, z]))
-        decimals, name = decimals_of_axis(self.machine, z, unit), self.machine.names[z]
-        before = held[z], float(motions.start[row, z])
-        self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, before, WordScale(unit, decimals))
 
     def _path(self, start: list[float], end: list[float]) -> float:
         """Length of a straight path of X Y Z, mm."""

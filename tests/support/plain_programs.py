@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 
 import msgspec
 import pytest
@@ -93,6 +94,75 @@ def incremental_programs(draw, siemens=False):
     for _ in range(draw(st.integers(1, 4))):
         lines += draw(plain_lines(near=(0.0, 0.0, 1.0))) + draw(st.lists(st.sampled_from(between), max_size=1))
     return "\n".join(lines) + "\n"
+
+
+BETWEEN_HOLES = (
+    *(
+        "G80",
+        "G80 G0 X1. Y1.",
+        "G99",
+        "G98",
+        "G91",
+        "G90",
+        "G17",
+        "G19",
+        "(comment)",
+        "M8",
+        "G0 Z150.",
+        "G1 X3.",
+        "G4 P1",
+    ),
+    *(
+        "R212.",
+        "Z190. R205.",
+        "X1. Z195.",
+        "F0",
+        "X1. F0",
+        "X2. F99",
+        "X1. K2",
+        "X1. L0",
+        "X1. R3.",
+        "B1.",
+        "I1.",
+        "G20",
+    ),
+    *(
+        "G81 X0. Z180. R210.",
+        "G83 X0. Z170. R260. Q2.",
+        "G52 X1.",
+        "G28 Z0.",
+        "G51.1 Z0.",
+        "G16",
+        "M77",
+        "X1. Q1.",
+        "G55",
+    ),
+)
+"""Blocks between holes: some are refused, or change the meaning of the holes after them."""
+
+
+@st.composite
+def hole_programs(draw):
+    """A program of a drilling cycle: runs of positions with other blocks between them."""
+    scale = draw(st.sampled_from([1.0, 1.0, 1.0, 25.4]))
+    lines = [
+        f"G{21 if scale == 1.0 else 20} G90 G17 G54 G94",
+        *draw(st.sampled_from([[], [], ["G43 H1"], ["G43.4 H1"]])),
+    ]
+    axes = draw(st.sampled_from(["XYZBC", "XYZ"]))
+    at = {"X": 0.0, "Y": 0.0, "Z": 220.0 / scale, "B": 0.0, "C": 0.0}
+    lines.append("G0 " + " ".join(f"{axis}{at[axis]:.4f}" for axis in axes))
+    code, back = draw(st.sampled_from([81, 83, 73])), draw(st.sampled_from(["G98", "G99", "G99", ""]))
+    clear = draw(st.sampled_from([210.0, 210.0, 220.0, 230.0])) / scale
+    peck = " Q2." if code != 81 else ""
+    lines.append(f"{back} G{code} X1. Y1. Z{180 / scale:.3f} R{clear:.3f}{peck} F300.")
+    near = draw(st.sampled_from([(0.0, 10.0), (300.0 / scale, -200.0 / scale)]))
+    for _ in range(draw(st.integers(1, 4))):
+        lines += draw(
+            plain_lines(axes="XY", near=near).map(lambda some: [re.sub(r"[gG]\d+[ \t]*", "", s) for s in some])
+        )
+        lines += draw(st.lists(st.sampled_from(BETWEEN_HOLES), max_size=1))
+    return "\n".join(lines) + "\nG80\nM30\n"
 
 
 ODD_ARCS = (
