@@ -143,8 +143,40 @@ class Met:
             self._bytes += 8 * self._structure.data.observations.residual.size * sum(term.width for term in terms)
             if self._bytes > KEPT_BYTES:
                 self._finer, self._columns, self._bytes = {}, {}, 0
-            self._columns[terms] = list(_grouped(self._structure, self._present, _block(self._structure, terms)))
+            self._columns[terms] = _grouped(self._structure, self._present, _block(self._structure, terms))
         return self._columns[terms]
+
+
+class Conditional(NamedTuple):
+    """The terms of a block, conditional on the geometry, whatever other terms are present."""
+
+    block: Block
+    taken: Array
+    """Roots `(p, c)` of what the geometry takes of their columns."""
+    along: Array
+    """Products `(c,)` of what it leaves with the observations."""
+    of_width: dict[int, tuple[Array, Array]]
+    """By the width w: eigenvalues `(m, w)` and eigenvectors `(m, w, w)` of the products of the terms."""
+
+    @classmethod
+    def of(cls, beyond: Beyond, block: Block) -> Conditional:
+        """The terms of a block."""
+        taken = beyond.taken(block.through)
+        of_width = {}
+        for width, (_, index, whole) in block.of_width.items():
+            values, vectors = np.linalg.eigh(whole - products(taken, index))
+            of_width[width] = np.maximum(values, 0.0), vectors
+        return cls(block, taken, block.along - beyond.along @ taken, of_width)
+
+    def beside(self, structure: Structure, present: Present) -> Iterator[tuple[int, Columns]]:
+        """The terms by their width, with the terms of a structure."""
+        own = [np.zeros((0, len(self.along))), *(self.block.across[term] for term in structure.terms)]
+        across = np.concatenate(own) - present.taken.T @ self.taken
+        for width, (members, index, _) in self.block.of_width.items():
+            values, vectors = self.of_width[width]
+            turned = np.einsum("mwv,mw->mv", vectors, self.along[index])
+            beside = np.moveaxis(across[:, index], 0, 1) @ vectors
+            yield width, Columns(self.block.numbers[members], values, turned, beside)
 
 
 @dataclass(frozen=True)
@@ -152,7 +184,9 @@ class Candidates:
     """All terms that are tried beside a structure."""
 
     structure: Structure
+    dictionary: Dictionary
     terms: Sequence[Term]
+    """Those of the dictionary, and some further ones."""
     present: Present
     groups: Sequence[Columns]
 
@@ -161,13 +195,25 @@ class Candidates:
         """Those of a dictionary, and some further ones."""
         present = Present.of(structure, Beyond.of(structure))
         terms = [*dictionary.terms, *further]
-        groups = list(_grouped(structure, present, dictionary.blocks(structure, further)))
-        return cls(structure, terms, present, groups)
+        groups = _grouped(structure, present, dictionary.blocks(structure, further))
+        return cls(structure, dictionary, terms, present, groups)
+
+    @classmethod
+    def of_each(cls, structures: Iterable[Structure], dictionary: Dictionary) -> Iterator[Candidates]:
+        """Those of a dictionary, beside structures that differ by their terms alone."""
+        beyond, own = None, list[Conditional]()
+        for structure in structures:
+            blocks = dictionary.blocks(structure)
+            if beyond is None:
+                beyond = Beyond.of(structure)
+                own = [Conditional.of(beyond, block) for block in blocks]
+            present = Present.of(structure, beyond)
+            yield cls(structure, dictionary, dictionary.terms, present, _joined(structure, present, own))
 
     def beside(self, terms: Sequence[Term]) -> Candidates:
         """No candidates, beside other terms with the same geometry and noise; for `exact`."""
         structure = self.structure.with_terms(terms)
-        return Candidates(structure, (), Present.of(structure, self.present.beyond), ())
+        return Candidates(structure, self.dictionary, (), Present.of(structure, self.present.beyond), ())
 
     def with_every_row(self) -> Candidates:
         """No candidates, with outliers among the rows, but for gross errors; for `own` and `exact`.
@@ -178,7 +224,7 @@ class Candidates:
         if np.array_equal(structure.noise.left_out, structure.data.gross):
             return self
         whole = replace(structure, noise=replace(structure.noise, left_out=structure.data.gross))
-        return Candidates(whole, (), Present.of(whole, Beyond.of(whole)), ())
+        return Candidates(whole, self.dictionary, (), Present.of(whole, Beyond.of(whole)), ())
 
     def odds(self, without: Collection[int] = ()) -> Array:
         """Log odds `(terms,)` of each candidate against none, beside the structure's terms but for some numbers."""
@@ -196,7 +242,7 @@ class Candidates:
     def _wholes(self) -> tuple[list[Term], list[Columns]]:
         """Causes in several places whose parts are candidates."""
         wholes = list(together(self.terms))
-        return wholes, list(_grouped(self.structure, self.present, _block(self.structure, wholes)))
+        return wholes, _grouped(self.structure, self.present, _block(self.structure, wholes))
 
     def whole(self, without: Collection[int]) -> Term | None:
         """The likeliest cause in several places, none of whose parts is present but for terms of some numbers."""
@@ -274,22 +320,18 @@ def _block(structure: Structure, terms: Sequence[Term]) -> list[Block]:
     return [Block.of(structure, terms, np.arange(len(terms)), np.concatenate(columns, axis=2))] if columns else []
 
 
-def _grouped(structure: Structure, present: Present, blocks: Iterable[Block]) -> Iterator[Columns]:
+def _grouped(structure: Structure, present: Present, blocks: Iterable[Block]) -> list[Columns]:
     """The terms of blocks by their width, conditional on the geometry of a structure."""
+    return _joined(structure, present, (Conditional.of(present.beyond, block) for block in blocks))
+
+
+def _joined(structure: Structure, present: Present, parts: Iterable[Conditional]) -> list[Columns]:
+    """The terms of all parts by their width, beside the terms of a structure."""
     found: dict[int, list[Columns]] = {}
-    for block in blocks:
-        taken = present.beyond.taken(block.through)
-        along = block.along - present.beyond.along @ taken
-        own = [np.zeros((0, len(along))), *(block.across[term] for term in structure.terms)]
-        across = np.concatenate(own) - present.taken.T @ taken
-        for width, (members, index, whole) in block.of_width.items():
-            values, vectors = np.linalg.eigh(whole - products(taken, index))
-            turned = np.einsum("mwv,mw->mv", vectors, along[index])
-            beside = np.moveaxis(across[:, index], 0, 1) @ vectors
-            columns = Columns(block.numbers[members], np.maximum(values, 0.0), turned, beside)
+    for part in parts:
+        for width, columns in part.beside(structure, present):
             found.setdefault(width, []).append(columns)
-    for groups in found.values():
-        yield Columns(*(np.concatenate(parts) for parts in zip(*groups, strict=True)))
+    return [Columns(*(np.concatenate(each) for each in zip(*groups, strict=True))) for groups in found.values()]
 
 
 Families = Mapping[Hashable, tuple[float, int]]

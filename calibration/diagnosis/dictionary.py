@@ -5,7 +5,7 @@ A noise whitens the columns once: other sizes of the geometry, and of the terms 
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -123,12 +123,24 @@ class Sides(NamedTuple):
 class Dictionary:
     """Terms that may explain the observations of structures with one geometry."""
 
-    def __init__(self, terms: Sequence[Term], first: int = 0) -> None:
+    def __init__(self, terms: Sequence[Term], first: int = 0, known: Mapping[Term, Array] | None = None) -> None:
+        """known: columns `(n d, width)`, or functions `(n, width)`, of some terms in single precision."""
         self.terms = terms
         self._first, self._kept = first, dict[int, Array]()
+        self._known = known or {}
         self._sides: Sides | None = None
         self._whitening: Hashable = None
         self._blocks: list[Block] = []
+
+    def part(self, terms: Sequence[Term]) -> Dictionary:
+        """Some of the terms, whose columns are not made again as far as they are kept."""
+        known: dict[Term, Array] = {}
+        for _, numbers in self._members:
+            if (made := self._kept.get(int(numbers[0]))) is not None:
+                own = [self.terms[i] for i in numbers.tolist()]
+                ends = np.cumsum([term.width for term in own])
+                known.update(zip(own, np.split(made, ends[:-1], axis=1), strict=True))
+        return Dictionary(terms, known=known)
 
     def blocks(self, structure: Structure, further: Sequence[Term] = ()) -> list[Block]:
         """All terms, then further ones, with their products for a structure; those of the last whitening are kept."""
@@ -187,15 +199,20 @@ class Dictionary:
         first = int(numbers[0])
         if first in self._kept:
             return self._kept[first]
-        makes = [self.terms[i].make for i in numbers.tolist()]
-        own = [
-            make.functions() if isinstance(make, Along) else make().reshape(-1, self.terms[i].width)
-            for i, make in zip(numbers.tolist(), makes, strict=True)
-        ]
-        made = np.concatenate([each.astype(np.float32) for each in own], axis=1)
+        own = (self.terms[i] for i in numbers.tolist())
+        made = np.concatenate(
+            [known if (known := self._known.get(term)) is not None else _single(term) for term in own], axis=1
+        )
         if sum(each.nbytes for each in self._kept.values()) + made.nbytes <= KEPT_BYTES:
             self._kept[first] = made
         return made
+
+
+def _single(term: Term) -> Array:
+    """Columns of a term `(n d, width)`, or its functions `(n, width)`, in single precision."""
+    make = term.make
+    own = make.functions() if isinstance(make, Along) else make().reshape(-1, term.width)
+    return np.asarray(own.astype(np.float32))
 
 
 def _batches(widths: Sequence[int]) -> list[np.ndarray]:

@@ -47,19 +47,24 @@ class Designed(NamedTuple):
     """Measurement that would show it."""
 
 
-def designed(data: Data, terms: Sequence[Term]) -> list[Designed]:
-    """The causes among some terms, in the design of data; the forms of a cause, at all moments, are one."""
-    causes = [term for term in terms if term.named and term.effects and not any(e.PERIODIC for e in term.effects)]
+def designed(data: Data, dictionary: Dictionary) -> list[Designed]:
+    """The causes of a dictionary, in the design of data; the forms of a cause, at all moments, are one."""
+    causes = [term for term in dictionary.terms if _is_cause(term)]
     if not causes:
         return []
-    first, dictionary = Structure.first(data), Dictionary(causes)
-    gains = typical_gains(Candidates.of(first, dictionary))
     names: dict[str, list[int]] = {}
     for number, term in enumerate(causes):
         names.setdefault(term.effects[0].name, []).append(number)
-    best = [_best(numbers, gains) for numbers in names.values()]
-    table = _Table(Candidates.of(first.with_terms([causes[own] for own in best]), dictionary), names)
-    return list(table.rows())
+    structures = [Structure.first(data)]
+    each = Candidates.of_each(structures, dictionary.part(causes))
+    gains = typical_gains(next(each))
+    structures.append(structures[0].with_terms([causes[_best(numbers, gains)] for numbers in names.values()]))
+    return list(_Table(next(each), names).rows())
+
+
+def _is_cause(term: Term) -> bool:
+    """True for a cause, but for a periodic error, whose period is not of the design."""
+    return term.named and bool(term.effects) and not any(effect.PERIODIC for effect in term.effects)
 
 
 def _best(numbers: Sequence[int], gains: Array) -> int:
@@ -76,9 +81,9 @@ class _Tried(NamedTuple):
     explained: Array
     """Squares of the signal that each form explains `(terms, causes)`."""
 
-    def together(self, forms: Sequence[int], cause: int) -> float:
-        """Expected log odds of some forms together against none, where a cause is there."""
-        return float(np.logaddexp.reduce(self.log_odds[list(forms), cause]))
+    def together(self, names: Mapping[str, Sequence[int]]) -> Array:
+        """Expected log odds of the forms of each cause together against none `(names, causes)`, where one is there."""
+        return np.array([np.logaddexp.reduce(self.log_odds[list(forms)], axis=0) for forms in names.values()])
 
 
 class _Table(NamedTuple):
@@ -92,12 +97,13 @@ class _Table(NamedTuple):
         """The causes."""
         present, terms = self.candidates.present, self.candidates.structure.terms
         tried = self._tried()
+        together = tried.together(self.names)
         for number, (own, term) in enumerate(zip(self.names, terms, strict=True)):
             columns = np.arange(present.starts[number], present.starts[number + 1])
             signal = max(float(np.trace(present.gram[np.ix_(columns, columns)])), np.finfo(float).tiny)
             whole = float(np.sum(self.candidates.structure.whitener.with_stated(term.columns) ** 2))
-            log_odds = tried.together(self.names[own], number)
-            ties = {} if log_odds < CLEAR_LOG_ODDS else dict(self._ties(tried, number, own, signal))
+            log_odds = float(together[number, number])
+            ties = {} if log_odds < CLEAR_LOG_ODDS else dict(self._ties(tried, together[:, number], number, signal))
             yield Designed(
                 term.kind,
                 own,
@@ -108,11 +114,14 @@ class _Table(NamedTuple):
                 term.effects[0].shown_by(self.candidates.structure.data.observations.measurement.state),
             )
 
-    def _ties(self, tried: _Tried, number: int, own: str, signal: float) -> Iterator[tuple[str, float]]:
-        """Names and cosines of the other causes that are expected to explain the signal of one about as well."""
-        least = tried.together(self.names[own], number) - CLEAR_LOG_ODDS
-        for name, forms in self.names.items():
-            if name != own and tried.together(forms, number) > least:
+    def _ties(self, tried: _Tried, log_odds: Array, number: int, signal: float) -> Iterator[tuple[str, float]]:
+        """Names and cosines of the other causes that are expected to explain the signal of one about as well.
+
+        log_odds `(names,)`: of each cause against none, where the one is there.
+        """
+        least = log_odds[number] - CLEAR_LOG_ODDS
+        for other, (name, forms) in enumerate(self.names.items()):
+            if other != number and log_odds[other] > least:
                 nearest = forms[int(np.argmax(tried.log_odds[list(forms), number]))]
                 yield name, float(np.sqrt(min(tried.explained[nearest, number] / signal, 1.0)))
 

@@ -268,7 +268,7 @@ class Diagnosis(Accepted, Shown):
     @cached_property
     def design(self) -> list[Designed]:
         """The causes that the rows can show and separate, whatever is read."""
-        return designed(self.structure.data, self.candidates.terms)
+        return designed(self.structure.data, self.candidates.dictionary)
 
     @cached_property
     def proposals(self) -> tuple[ProposedMeasurement, ...]:
