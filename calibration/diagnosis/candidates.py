@@ -18,6 +18,7 @@ from scipy import linalg
 from calibration.diagnosis.dictionary import KEPT_BYTES, Block, Dictionary, products
 from calibration.diagnosis.forms import together
 from calibration.gaussian_terms.gains import log_gains
+from calibration.gaussian_terms.posterior import changed, scaled_root
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.error_model.priors import SIZES_IN_TYPICAL
@@ -32,26 +33,28 @@ COARSE_SHARE_OF_ODDS = 2e-3
 class Beyond(NamedTuple):
     """What the geometry of a structure, with its prior sizes, takes of the products of whitened columns."""
 
+    kept: np.ndarray
+    """Numbers `(k,)` of the columns of the geometry that take anything."""
     sizes: Array
-    """Prior sizes `(p,)` of the columns of the geometry."""
+    """Prior sizes `(k,)` of these."""
     low: Array
-    """Triangular root `(p, p)` of their products in these sizes, and of the noise."""
+    """Triangular root `(k, k)` of their products in these sizes, and of the noise."""
     along: Array
-    """What is taken of the observations `(p,)`, in the directions of `taken`."""
+    """What is taken of the observations `(k,)`, in the directions of `taken`."""
 
     @classmethod
     def of(cls, structure: Structure) -> Beyond:
         """What the geometry of a structure takes."""
         equations, sizes = structure.of_geometry, structure.sizes[: structure.data.geometry.width]
-        matrix = equations.gram * sizes[:, None] * sizes
-        matrix[np.diag_indices_from(matrix)] += structure.noise.factor
-        bare = cls(sizes, np.asarray(np.linalg.cholesky(matrix), float), np.zeros(0))
+        kept = changed(equations.gram, sizes, structure.noise.factor)
+        low = scaled_root(equations.gram, sizes, structure.noise.factor, kept).T
+        bare = cls(kept, sizes[kept], low, np.zeros(0))
         return bare._replace(along=bare.taken(equations.along))
 
     def taken(self, through: Array) -> Array:
-        """Roots `(p, ...)` of what is taken of columns, by their products `(p, ...)` with those of the geometry."""
-        sizes = self.sizes.reshape(-1, *[1] * (through.ndim - 1))
-        return np.asarray(linalg.solve_triangular(self.low, sizes * through, lower=True, check_finite=False))
+        """Roots `(k, ...)` of what is taken of columns, by their products `(p, ...)` with those of the geometry."""
+        own = through[self.kept] * self.sizes.reshape(-1, *[1] * (through.ndim - 1))
+        return np.asarray(linalg.solve_triangular(self.low, own, lower=True, check_finite=False))
 
 
 class Present(NamedTuple):
@@ -59,7 +62,7 @@ class Present(NamedTuple):
 
     beyond: Beyond
     taken: Array
-    """Roots `(p, a)` of what the geometry takes of their columns."""
+    """Roots `(k, a)` of what the geometry takes of their columns."""
     gram: Array
     """Products `(a, a)` of what it leaves of these."""
     along: Array
@@ -70,7 +73,7 @@ class Present(NamedTuple):
     @classmethod
     def of(cls, structure: Structure, beyond: Beyond) -> Present:
         """The terms of a structure."""
-        equations, p = structure.equations, len(beyond.sizes)
+        equations, p = structure.equations, structure.data.geometry.width
         taken = beyond.taken(equations.gram[:p, p:])
         starts = np.cumsum([0, *(term.width for term in structure.terms)])
         gram = equations.gram[p:, p:] - taken.T @ taken
@@ -152,7 +155,7 @@ class Conditional(NamedTuple):
 
     block: Block
     taken: Array
-    """Roots `(p, c)` of what the geometry takes of their columns."""
+    """Roots `(k, c)` of what the geometry takes of their columns."""
     along: Array
     """Products `(c,)` of what it leaves with the observations."""
     of_width: dict[int, tuple[Array, Array]]
