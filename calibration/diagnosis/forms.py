@@ -7,6 +7,7 @@ stays where it is. They belong to two effects, fixed in the middle and at the en
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -15,7 +16,7 @@ from calibration.diagnosis.contract import contract_kind, family_of, where
 from calibration.diagnosis.library.changes import at_zero
 from calibration.gaussian_terms.geometry import motions, prior_sizes
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.term import Term
+from calibration.gaussian_terms.term import Along, Term
 from calibration.observation.full_model import repeated_targets
 from kinematics.basis import Basis, BSpline, Legendre
 from kinematics.effects import Effect, ErrorMotion, Reversal
@@ -68,6 +69,13 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
         parameters,
         where(effect),
     )
+
+
+def of_others(observations: Observations, term: Term, effects: tuple[Effect, ...]) -> Term:
+    """The term of other effects in the place of those of a term, from which they differ by a moment or an angle."""
+    assert term.parameters is not None
+    arm = term.make.name if isinstance(term.make, Along) else None
+    return replace(term, make=_made(observations, effects, term.parameters, arm), effects=effects)
 
 
 def together(terms: Sequence[Term]) -> Iterator[Term]:
@@ -149,15 +157,24 @@ def made_of(observations: Observations, effects: Sequence[Effect], parameters: A
 
     Along one arm where the effects are one error of the machine, the same in all rows.
     """
-    machine, state = observations.measurement.machine, observations.measurement.state
-    linear = np.concatenate([effect.linear for effect in effects])
+    machine = observations.measurement.machine
     errors = [each for effect in effects for each in effect.columns(machine, observations.first_state)]
     numbers = {6 * (each.column % (len(machine.axes) + 2)) + each.component for each in errors}
+    alone = len(numbers) == 1 and len(errors) == len(effects)
+    return _made(observations, effects, parameters, numbers.pop() if alone else None)
+
+
+def _made(
+    observations: Observations, effects: Sequence[Effect], parameters: Array, arm: Hashable | None
+) -> Callable[[], Array]:
+    """As `made_of`; arm: number of the error of the machine that the effects are, None where they are several."""
+    machine, state = observations.measurement.machine, observations.measurement.state
+    linear = np.concatenate([effect.linear for effect in effects])
 
     def functions() -> Array:
         each = [own.values for effect in effects for own in effect.columns(machine, state)]
         return np.asarray(np.concatenate(each, axis=1)[:, linear] @ parameters)
 
-    if len(numbers) == 1 and len(errors) == len(effects):
-        return observations.along(numbers.pop(), functions)
+    if isinstance(arm, int):
+        return observations.along(arm, functions)
     return lambda: np.asarray(observations.columns(effects)[:, :, linear] @ parameters)

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.forms import Form, motion_changes, pivoted, plain, reversals
+from calibration.diagnosis.forms import Form, motion_changes, of_others, pivoted, plain, reversals
 from calibration.diagnosis.library.causes import angle_steps, causes, given, jumps
 from calibration.diagnosis.library.changes import at_zero, changes
 from calibration.gaussian_terms.observations import Observations
@@ -42,6 +42,8 @@ SAME_POSITION_U = 6.0
 """Distance of two angles, in standard uncertainties, up to which they may be readings of one position."""
 OPPOSITE = 180.0
 """Range of an angle, deg, from which a step over it has two sides for no row."""
+At = Callable[[Effect, float], Effect]
+"""The effect of a jump at another moment, s, or angle, deg."""
 
 
 def named(observations: Observations) -> list[Term]:
@@ -62,10 +64,10 @@ def named(observations: Observations) -> list[Term]:
         terms += motion_changes(observations, observations.given)
     for effect in map(at_zero, jumps(measurement)):
         points, marks = _moments(measurement, effect)
-        terms += _at_points(observations, effect, partial(_since, effect), points, marks)
+        terms += _at_points(observations, effect, _since, points, marks)
     for step in angle_steps(measurement):
         points = _angles(observations, CIRCLES.index(step.over))
-        terms += _at_points(observations, step, partial(_above, at_zero(step)), points, _spread(points))
+        terms += _at_points(observations, at_zero(step), _above, points, _spread(points))
     return terms
 
 
@@ -140,31 +142,30 @@ def _between_shapes(observations: Observations, effect: Effect, form: Form, ends
     return replace(term, finer=finer)
 
 
-def _at_points(
-    observations: Observations, effect: Effect, at: Callable[[float], Effect], points: Array, marks: np.ndarray
-) -> Iterator[Term]:
+def _at_points(observations: Observations, effect: Effect, at: At, points: Array, marks: np.ndarray) -> Iterator[Term]:
     """Terms of a jump at some of the points `(m,)` at which it may be; marks `(k,)`: their indices, ascending.
 
     Finer members are at the points between those of its neighbours.
     """
-    for form in _forms(effect):
-        yield from _at_marks(
-            observations, form, at, points, [ROWS_BESIDE_JUMP - 1, *marks.tolist(), len(points) - ROWS_BESIDE_JUMP]
-        )
+    ends = [ROWS_BESIDE_JUMP - 1, *marks.tolist(), len(points) - ROWS_BESIDE_JUMP]
+    for form in _forms(effect) if len(marks) else ():
+        first = form(observations, at(effect, float(points[marks[0]])))
+        yield from _at_marks(observations, first, at, points, ends)
 
 
-def _at_marks(
-    observations: Observations, form: Form, at: Callable[[float], Effect], points: Array, marks: Sequence[int]
-) -> list[Term]:
-    """Terms at the marks but the first and the last one, which are the neighbours of the others."""
+def _at_marks(observations: Observations, jump: Term, at: At, points: Array, marks: Sequence[int]) -> list[Term]:
+    """Terms of a jump at the marks but the first and the last one, which are the neighbours of the others."""
 
     def finer(low: int, own: int, high: int) -> list[Term]:
         inside = [mark for mark in range(low + 1, high) if mark != own]
         some = inside[:: -(-len(inside) // MOST_JUMPS_BETWEEN)] if inside else []
-        return _at_marks(observations, form, at, points, [low, *some, high])
+        return _at_marks(observations, jump, at, points, [low, *some, high])
 
     return [
-        replace(form(observations, at(float(points[own]))), finer=partial(finer, low, own, high))
+        replace(
+            of_others(observations, jump, tuple(at(effect, float(points[own])) for effect in jump.effects)),
+            finer=partial(finer, low, own, high),
+        )
         for low, own, high in zip(marks, marks[1:], marks[2:], strict=False)
     ]
 

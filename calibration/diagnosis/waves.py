@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
+import msgspec
 import numpy as np
 
-from calibration.diagnosis.forms import plain
+from calibration.diagnosis.forms import of_others, plain
 from calibration.diagnosis.prior_odds import odds_of_kind, with_log_prior
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Structure
@@ -130,6 +131,11 @@ class Scan:
     turns: Array
     """Periods over the travel `(k,)` that are scanned."""
 
+    @cached_property
+    def _of_harmonics(self) -> dict[int, Term]:
+        """A wave of any period, by its number of harmonics."""
+        return {}
+
     @classmethod
     def of(cls, structure: Structure, left: Array, axis: str) -> Scan:
         """The scan of an axis, by a whitened residual `(n d,)`; of no periods where the travel has too few."""
@@ -170,14 +176,18 @@ class Scan:
 
         Its finer members have other periods, or more harmonics: also shorter ones than any lead.
         """
-        closer, zeros = CLOSER * step / (PERIODS_BETWEEN + 1), (0.0,) * harmonics
-        effect = Cyclic(own_component(self.axis), self.axis, self.travel / turns, zeros, zeros)
-        orders = np.tile(np.arange(1.0, harmonics + 1.0), 2)
+        closer, period = CLOSER * step / (PERIODS_BETWEEN + 1), self.travel / turns
+        if harmonics not in self._of_harmonics:
+            orders, zeros = np.tile(np.arange(1.0, harmonics + 1.0), 2), (0.0,) * harmonics
+            wave = Cyclic(own_component(self.axis), self.axis, period, zeros, zeros)
+            self._of_harmonics[harmonics] = plain(self.observations, wave, 1.0 / orders)
+        any_period = self._of_harmonics[harmonics]
         near = [
             (other, harmonics) for way in _between(PERIODS_BETWEEN) if (other := turns + way * step) >= FEWEST_TURNS
         ]
         near += [(turns, more) for more in WAVE_HARMONICS if more > harmonics]
-        term = plain(self.observations, effect, 1.0 / orders)
+        effect = msgspec.structs.replace(any_period.effects[0], period=period)
+        term = of_others(self.observations, any_period, (effect,))
         return replace(term, finer=lambda: [self._wave(other, closer, count) for other, count in near])
 
     def sawteeth(self) -> Iterator[Term]:

@@ -6,6 +6,7 @@ The sizes of the parameters of a function for a size of its slope are here too.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,9 @@ from kinematics.transforms import Array
 SLOPING = 1e-6
 """Part in the slope, as a share of the largest one, from which a parameter counts."""
 
+KEPT_LINES = 64
+"""Lines that are kept: a machine has a few bases, each of which is asked for by every pair of its error motions."""
+
 
 class Line(NamedTuple):
     """Mean and slope of a function of position over its interval, as linear functions of its parameters."""
@@ -27,12 +31,16 @@ class Line(NamedTuple):
     """Slope `(size,)`, per mm or degree."""
 
 
+@lru_cache(maxsize=KEPT_LINES)
 def mean_line(basis: Basis) -> Line:
-    """The least squares line through a function in this basis."""
+    """The least squares line through a function in this basis; its arrays cannot be written to."""
     low, high = basis.interval
     x = np.linspace(low, high, 801)
     columns, centred = basis.columns(x), x - x.mean()
-    return Line(columns.mean(axis=0), centred @ columns / (centred @ centred))
+    found = Line(columns.mean(axis=0), centred @ columns / (centred @ centred))
+    for each in found:
+        each.flags.writeable = False
+    return found
 
 
 def sizes_for_slope(basis: Basis, slope: float) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from kinematics.transforms import Array
@@ -25,5 +27,8 @@ def root_of(covariance: Array) -> Array:
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     units = np.where(u > 0, u, 1.0)  # parameters differ in unit and size
     scaled = covariance / np.outer(units, units)
-    values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
+    scaled = (scaled + scaled.T) / 2
+    with suppress(np.linalg.LinAlgError):  # it is positive definite, as most are
+        return np.asarray(units[:, None] * np.linalg.cholesky(scaled))
+    values, vectors = np.linalg.eigh(scaled)
     return np.asarray(units[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
