@@ -18,7 +18,6 @@ from scipy import linalg
 from calibration.diagnosis.dictionary import KEPT_BYTES, Block, Dictionary, products
 from calibration.diagnosis.forms import together
 from calibration.gaussian_terms.gains import log_gains
-from calibration.gaussian_terms.posterior import changed, scaled_root
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.error_model.priors import SIZES_IN_TYPICAL
@@ -35,26 +34,23 @@ class Beyond(NamedTuple):
 
     kept: np.ndarray
     """Numbers `(k,)` of the columns of the geometry that take anything."""
-    sizes: Array
-    """Prior sizes `(k,)` of these."""
-    low: Array
-    """Triangular root `(k, k)` of their products in these sizes, and of the noise."""
+    root: Array
+    """Triangular root R `(k, k)`: R' R is the inverse of their products, and of the noise in their prior sizes."""
     along: Array
     """What is taken of the observations `(k,)`, in the directions of `taken`."""
 
     @classmethod
     def of(cls, structure: Structure) -> Beyond:
         """What the geometry of a structure takes."""
-        equations, sizes = structure.of_geometry, structure.sizes[: structure.data.geometry.width]
-        kept = changed(equations.gram, sizes, structure.noise.factor)
-        low = scaled_root(equations.gram, sizes, structure.noise.factor, kept).T
-        bare = cls(kept, sizes[kept], low, np.zeros(0))
-        return bare._replace(along=bare.taken(equations.along))
+        posterior, p = structure.posterior, structure.data.geometry.width
+        kept = posterior.kept[posterior.kept < p]
+        root = posterior.root_of_kept[: len(kept), : len(kept)] * posterior.sizes[kept] / np.sqrt(posterior.factor)
+        bare = cls(kept, root, np.zeros(0))
+        return bare._replace(along=bare.taken(structure.of_geometry.along))
 
     def taken(self, through: Array) -> Array:
         """Roots `(k, ...)` of what is taken of columns, by their products `(p, ...)` with those of the geometry."""
-        own = through[self.kept] * self.sizes.reshape(-1, *[1] * (through.ndim - 1))
-        return np.asarray(linalg.solve_triangular(self.low, own, lower=True, check_finite=False))
+        return np.asarray(self.root @ through[self.kept])
 
 
 class Present(NamedTuple):

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from kinematics.transforms import Array
 
 ROUNDING = 1e-9
 """Share of the variance of the observations below which all that some columns may add to it is rounding."""
+
+FEW_OBSERVATIONS = 0.7
+"""Observations for each column below which the covariance of the observations is the quicker matrix to decompose."""
 
 
 @dataclass(frozen=True)
@@ -24,30 +27,39 @@ class Equations:
     """`(p, p)`"""
     along: Array
     """Products with the observations `(p,)`."""
+    columns: Array | None = None
+    """The columns themselves, each a row `(p, N)`, where they are more than the observations."""
 
     @classmethod
     def of(cls, design: Array, residual: Array) -> Equations:
         """The equations of whitened columns `(N, p)` and observations."""
-        return cls(residual, design.T @ design, design.T @ residual)
+        few = len(design) < design.shape[1]
+        columns = np.ascontiguousarray(design.T) if few else None
+        return cls(residual, design.T @ design, design.T @ residual, columns)
 
     def beside(self, across: Array, columns: Array) -> Equations:
         """The equations with further whitened columns `(N, c)`, whose products with these are across `(p, c)`."""
         gram = np.block([[self.gram, across], [across.T, columns.T @ columns]])
-        return Equations(self.residual, gram, np.concatenate([self.along, columns.T @ self.residual]))
+        along = np.concatenate([self.along, columns.T @ self.residual])
+        whole = None if self.columns is None else np.concatenate([self.columns, columns.T])
+        return Equations(self.residual, gram, along, whole)
 
 
 @dataclass(frozen=True)
 class Posterior:
     """Mean and covariance of the coefficients, in units of the columns."""
 
-    mean: Array
-    """`(p,)`"""
+    equations: Equations
     sizes: Array
     """Prior sizes `(p,)` of the columns."""
+    factor: float
+    """Variance factor of the noise."""
     kept: np.ndarray
     """Numbers `(k,)` of the columns that the data change."""
-    root_of_kept: Array
-    """Triangular root R `(k, k)`: the covariance of their coefficients in their prior sizes is R' R."""
+    mean: Array
+    """`(p,)`"""
+    determined: Array
+    """Share `(p,)` of each coefficient that the data determine: 0 where it stays at its prior."""
     misfit: float
     """Sum of squares of the whitened observations by the prior predictive covariance, factor included."""
     log_determinant: float
@@ -57,18 +69,49 @@ class Posterior:
     def of(cls, equations: Equations, sizes: Array, factor: float) -> Posterior:
         """The posterior for prior sizes `(p,)` of the columns, and a variance factor of the noise."""
         kept = changed(equations.gram, sizes, factor)
-        squares = float(equations.residual @ equations.residual)
-        if not len(kept):
-            return cls(np.zeros(len(sizes)), sizes, kept, np.zeros((0, 0)), squares / factor, 0.0)
-        upper = scaled_root(equations.gram, sizes, factor, kept)
-        determinant = 2.0 * float(np.log(np.diag(upper)).sum()) - len(kept) * float(np.log(factor))
+        bare = cls(equations, sizes, factor, kept, np.zeros(len(sizes)), np.zeros(len(sizes)), 0.0, 0.0)
+        few = equations.columns is not None and len(equations.residual) < FEW_OBSERVATIONS * len(kept)
+        return bare._of_observations() if few else bare._of_coefficients()
+
+    def _of_coefficients(self) -> Posterior:
+        """The posterior by the matrix of the coefficients."""
+        squares = float(self.equations.residual @ self.equations.residual)
+        if not len(self.kept):
+            return replace(self, misfit=squares / self.factor)
+        upper = scaled_root(self.equations.gram, self.sizes, self.factor, self.kept)
+        determinant = _log_determinant(upper, self.factor)
         root = lapack.dtrtri(upper, lower=False, overwrite_c=True)[0].T
-        along = root @ (sizes * equations.along)[kept]
-        mean = np.zeros(len(sizes))
-        mean[kept] = sizes[kept] * (along @ root)
-        misfit = (squares - float(along @ along)) / factor
-        root *= np.sqrt(factor)
-        return cls(mean, sizes, kept, root, misfit, determinant)
+        along = root @ (self.sizes * self.equations.along)[self.kept]
+        mean, misfit = self.sizes[self.kept] * (along @ root), (squares - float(along @ along)) / self.factor
+        root *= np.sqrt(self.factor)
+        found = self._with(mean, 1.0 - np.einsum("ij,ij->j", root, root), misfit, determinant)
+        found.__dict__["root_of_kept"] = root
+        return found
+
+    def _of_observations(self) -> Posterior:
+        """The posterior by the covariance of the observations, where these are few."""
+        assert self.equations.columns is not None
+        sizes = self.sizes[self.kept]
+        columns = self.equations.columns[self.kept] * sizes[:, None]
+        upper = _root(columns.T @ columns, self.factor)
+        white = blas.dtrsm(1.0, upper, columns.T, trans_a=1, overwrite_b=1).T
+        residual = blas.dtrsv(upper, self.equations.residual, trans=1)
+        determined, misfit = np.einsum("ij,ij->i", white, white), float(residual @ residual)
+        return self._with(sizes * (white @ residual), determined, misfit, _log_determinant(upper, self.factor))
+
+    def _with(self, mean: Array, determined: Array, misfit: float, log_determinant: float) -> Posterior:
+        """The posterior with what is known of the coefficients `(k,)` that the data change."""
+        own = np.zeros((2, len(self.sizes)))
+        own[:, self.kept] = mean, determined
+        return replace(self, mean=own[0], determined=own[1], misfit=misfit, log_determinant=log_determinant)
+
+    @cached_property
+    def root_of_kept(self) -> Array:
+        """Triangular root R `(k, k)`: the covariance of their coefficients in their prior sizes is R' R."""
+        if not len(self.kept):
+            return np.zeros((0, 0))
+        upper = scaled_root(self.equations.gram, self.sizes, self.factor, self.kept)
+        return np.asarray(lapack.dtrtri(upper, lower=False, overwrite_c=True)[0].T * np.sqrt(self.factor))
 
     @cached_property
     def root(self) -> Array:
@@ -87,13 +130,6 @@ class Posterior:
         found[np.ix_(self.kept, self.kept)] = own.T @ own * sizes[:, None] * sizes
         return found
 
-    @cached_property
-    def determined(self) -> Array:
-        """Share `(p,)` of each coefficient that the data determine: 0 where it stays at its prior."""
-        found = np.zeros(len(self.sizes))
-        found[self.kept] = 1.0 - np.einsum("ij,ij->j", self.root_of_kept, self.root_of_kept)
-        return found
-
 
 def changed(gram: Array, sizes: Array, factor: float) -> np.ndarray:
     """Numbers `(k,)` of the columns that data change, by their products `(p, p)` and prior sizes `(p,)`.
@@ -108,9 +144,18 @@ def changed(gram: Array, sizes: Array, factor: float) -> np.ndarray:
 def scaled_root(gram: Array, sizes: Array, factor: float, kept: np.ndarray) -> Array:
     """Upper root `(k, k)` of products `(p, p)` of some columns in their prior sizes, and of the noise."""
     own = sizes[kept]
-    matrix = (gram if len(kept) == len(gram) else gram[np.ix_(kept, kept)]) * own[:, None] * own
+    return _root((gram if len(kept) == len(gram) else gram[np.ix_(kept, kept)]) * own[:, None] * own, factor)
+
+
+def _root(matrix: Array, factor: float) -> Array:
+    """Upper root of a matrix, which is lost, and a multiple of the unit matrix."""
     matrix.flat[:: len(matrix) + 1] += factor
     upper, failed = lapack.dpotrf(matrix.T, lower=False, overwrite_a=True)
     if failed:
         raise np.linalg.LinAlgError("the columns have no finite products")
     return np.asarray(upper)
+
+
+def _log_determinant(upper: Array, factor: float) -> float:
+    """Log determinant of a matrix by its root, as a multiple of a factor of the unit matrix."""
+    return 2.0 * float(np.log(np.diag(upper)).sum()) - len(upper) * float(np.log(factor))

@@ -164,6 +164,8 @@ class Whitener:
 
     def equations(self, table: Array, registers: Array) -> Equations:
         """Products of columns `(n, d, p)`, white and free of the registration; registers: their `registers`."""
+        if len(self.spanned) < table.shape[2]:
+            return Equations.of(self.columns(table), self.residual)
         gram = -(registers.T @ registers)
         for piece in self.pieces:
             rows = piece.white(table[piece.rows])
