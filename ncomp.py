@@ -63,7 +63,7 @@ if TYPE_CHECKING:
         virtual_machine,
     )  # fmt: skip
     from calibration.interface.virtual_laser import simulate_continuous
-    from calibration.measurement.measurement import Target
+    from calibration.measurement.measurement import Measurement, Target
     from calibration.measurement.plan import Choices
     from calibration.on_the_fly.nominal_path import NominalPath
     from calibration.simulation.measure_plan import VirtualInstrument
@@ -302,6 +302,7 @@ def watch(
     drift: str | Path | None = None,
     drift_since: str | None = None,
     drift_tolerance_um: Annotated[float, 0, None] | None = None,
+    drift_earlier: Sequence[Measurement] = (),
     progress: Callable[[FolderProgram, Outcome], None] = lambda *_: None,
     say: Callable[[str], None] = lambda _: None,
     **correction: Any,
@@ -313,9 +314,9 @@ def watch(
     calibration, set-up, conditions and correction for the folder. glob: as for `batch`. settle: time, s, for which a
     file must not change before it counts as complete. idle: time, s, without work after which the function returns.
     set_up and conditions: the arguments of the functions of these names. drift: log of touches (docs/drift.md), by
-    which programs are corrected for the drift as well; drift_since and drift_tolerance_um: as for the command.
-    progress: called with each program and its end. say: called with each line that the command shows. correction: the
-    other arguments of `correct`.
+    which programs are corrected for the drift as well; drift_since and drift_tolerance_um: as for the command;
+    drift_earlier: as `earlier` of `drift`. progress: called with each program and its end. say: called with each line
+    that the command shows. correction: the other arguments of `correct`.
 
     A program that is refused does not stop the others; an earlier output of it is renamed to NAME.earlier. UserError
     for arguments that cannot be used when the function begins; later it waits until they can.
@@ -324,7 +325,7 @@ def watch(
     from postproc.interface.watching import NoResults, Watch
 
     given = {"machine": machine, "calibration": calibration, "set_up": set_up, "conditions": conditions, **correction}
-    following = Drifting.of(None if drift is None else Path(drift), say, drift_since, drift_tolerance_um)
+    following = Drifting.of(drift, say, drift_since, drift_tolerance_um, lambda _: drift_earlier)
     return Watch(watched(folder, output, job, glob, given, following), settle, say, NoResults(), progress).run(idle)
 
 

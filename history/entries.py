@@ -23,7 +23,7 @@ EVENTS = ("crash", "service", "moved", "spindle", "other")
 """What can happen to a machine: `moved` to another place, a new `spindle`."""
 KINDS = (
     *("calibration", "diagnosis", "iso230-2", "iso230-4", "etve", "check", "measurement", "parameters", "tables"),
-    "program",
+    *("drift", "program"),
 )
 """Kinds of results."""
 CLOCKS_DIFFER_S = 300

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import logsumexp
 
 from calibration.diagnosis.search import PRESENT
+from calibration.following.earlier import continued
 from calibration.following.followed import Followed, Implausible
 from calibration.following.parameters import Touches, touches_of
 from calibration.following.terms import Follows, Structure
@@ -25,30 +28,62 @@ FEWEST_READINGS = 3
 """Fewest readings: from two, a drift cannot be told from the scatter of the probing."""
 
 
-def follow(measurement: Measurement, *, jumps: bool = False, progress: Progress = silent) -> Followed:
+def follow(
+    measurement: Measurement,
+    earlier: Sequence[Measurement] = (),
+    *,
+    jumps: bool = False,
+    progress: Progress = silent,
+) -> Followed:
     """The drift of a machine by a log of touches; UserError for a log that cannot be used.
 
-    jumps: the machine may have jumped between two readings, so that the newest ones count whatever they are.
+    earlier: logs of the same machine, with which the terms and the sizes of walk and scatter are learned. jumps: the
+    machine may have jumped between two readings, so that the newest ones count whatever they are.
     """
     _check(measurement)
     touches = touches_of(measurement)
     _refuse_units(measurement)
     _refuse_far(measurement, touches)
+    known = continued(measurement, earlier)
+    learned = known.learned
+    if known.before:
+        behind = touches_of(known.measurement, known.before)
+        progress(f"comparing {len(touches)} readings with {known.before} of earlier logs")
+        if _contradict(behind, touches):
+            learned = known.alone("the machine does not move by it as it moved then")
+        else:
+            touches = behind
+    structure, implausible = _plausible(measurement, touches, jumps, progress)
+    return Followed(measurement, structure, implausible, learned)
+
+
+def _plausible(
+    measurement: Measurement, touches: Touches, jumps: bool, progress: Progress
+) -> tuple[Structure, tuple[Implausible, ...]]:
+    """The structure by the readings that do not contradict the others; and those of the log that do."""
     kept, implausible = np.arange(len(touches)), list[Implausible]()
     while True:
         progress(f"following {len(touches.effects)} parameters by {len(kept)} readings")
         structure = _with_sensors(_alone(touches.rows(kept)))
-        if jumps or len(kept) <= FEWEST_READINGS:
+        own = kept[touches.before :] - touches.before
+        if jumps or len(own) <= FEWEST_READINGS:
             break
-        _refuse_jump(measurement, structure, kept)
+        _refuse_jump(measurement, structure, own)
         odds = structure.of_outliers()
         worst = int(np.argmax(odds))
         if odds[worst] <= 0.0:
             break
-        implausible.append(Implausible(int(kept[worst]), float(odds[worst])))
-        kept = np.delete(kept, worst)
+        implausible.append(Implausible(int(own[worst]), float(odds[worst])))
+        kept = np.delete(kept, touches.before + worst)
         _refuse_many(measurement, implausible)
-    return Followed(measurement, structure, tuple(sorted(implausible)))
+    return structure, tuple(sorted(implausible))
+
+
+def _contradict(behind: Touches, own: Touches) -> bool:
+    """True where a log and the earlier ones are likelier to have terms and sizes of their own, by 20 to 1."""
+    before = replace(behind.rows(np.arange(behind.before)), before=0)
+    together, *each = (_with_sensors(_alone(touches)).log_likely for touches in (behind, before, own))
+    return sum(each) - together > PRESENT
 
 
 def _alone(touches: Touches) -> Structure:
@@ -149,7 +184,7 @@ def _refuse_jump(measurement: Measurement, structure: Structure, kept: np.ndarra
     """UserError where the readings jump: the sphere may have been knocked, and the machine stands where it was."""
     following = {term.parameter for term in structure.terms}
     hidden = [p for p in range(len(structure.touches.effects)) if p not in following]
-    plain, none = structure.of_jumps(), np.full(len(structure.touches) - 2, -np.inf)
+    plain, none = structure.of_jumps(), np.full(len(kept) - 2, -np.inf)
     masked = np.logaddexp.reduce([none, *map(structure.of_masked_jumps, hidden)])
     odds = np.logaddexp(plain, masked)
     worst = int(np.argmax(odds))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
+from calibration.following.earlier import Learned
 from calibration.following.terms import Structure
 from calibration.following.walk import walked
 from calibration.gaussian_terms.posterior import Equations, Posterior
@@ -40,6 +41,8 @@ class Implausible(NamedTuple):
 class Place(NamedTuple):
     """The drift at a place of the log."""
 
+    number: int
+    """That of the place in the touches."""
     name: str
     drift: Array
     """Deviation since the reference `(3,)`, um, tool relative to workpiece, in the workpiece frame."""
@@ -105,6 +108,8 @@ class Followed(Shown):
     measurement: Measurement
     structure: Structure
     implausible: tuple[Implausible, ...]
+    learned: tuple[Learned, ...] = ()
+    """Earlier logs that were given, and what they count for."""
 
     @property
     def headline(self) -> str:
@@ -206,7 +211,7 @@ class Followed(Shown):
             turned = [
                 f"{axis.name}{angle:g}" for axis, angle in zip(np.array(machine.axes)[rotary], angles, strict=True)
             ]
-            found.append(Place(" ".join([str(touches.measurement.groups[row]), *turned]), jacobian @ values, u))
+            found.append(Place(place, " ".join([str(touches.measurement.groups[row]), *turned]), jacobian @ values, u))
         return tuple(found)
 
     def coefficients(self) -> list[tuple[float, float]]:
@@ -221,7 +226,10 @@ class Followed(Shown):
     def provenance(self, calibration: ErrorModel) -> Provenance:
         """That of a calibration with the drift added: it keeps the validity of the calibration."""
         inputs = {**calibration.provenance.inputs, self.measurement.source: self.measurement.fingerprint}
-        drift = f"drift by {self.measurement.source}{f', {SIMULATED}' if self.measurement.simulated else ''}"
+        with_others = ", learned with ".join(["", *(each.source for each in self.learned if each.readings)])
+        drift = (
+            f"drift by {self.measurement.source}{with_others}{f', {SIMULATED}' if self.measurement.simulated else ''}"
+        )
         return msgspec.structs.replace(
             calibration.provenance,
             made_by=f"ncomp {VERSION}",

@@ -7,7 +7,7 @@ shows. A new run has new zeros: something was knocked, or the sphere was clamped
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -44,18 +44,26 @@ class Touches:
     """Typical sizes of the parameters by 1 K `(p,)`, of the effects that follow a temperature at the same places."""
     jacobian: Array
     """Derivatives of the deviations `(n, 3, p)` by the parameters."""
+    before: int = 0
+    """Number of the first rows that are of earlier logs."""
 
     def __len__(self) -> int:
         return len(self.values)
 
     def rows(self, kept: np.ndarray) -> Touches:
         """Some of the readings."""
-        columns = self.values[kept], self.covariances[kept], self.places[kept]
-        return Touches(self.measurement.rows(kept), *columns, self.effects, self.typical, self.jacobian[kept])
+        return replace(
+            self,
+            measurement=self.measurement.rows(kept),
+            values=self.values[kept],
+            covariances=self.covariances[kept],
+            places=self.places[kept],
+            jacobian=self.jacobian[kept],
+        )
 
 
-def touches_of(measurement: Measurement) -> Touches:
-    """The readings of a measurement, and the parameters that they can show."""
+def touches_of(measurement: Measurement, before: int = 0) -> Touches:
+    """The readings of a measurement, and the parameters that they can show; before: rows of earlier logs."""
     places = _places(measurement)
     values = (measurement.observed - measurement.nominal_points) / UM
     for place in range(places.max() + 1):
@@ -68,7 +76,9 @@ def touches_of(measurement: Measurement) -> Touches:
     first = np.unique(places, return_index=True)[1]
     shown = _shown(effects, int((~measurement.machine.rotary).sum()), jacobian[first], covariances[first])
     kept = tuple(effects[k] for k in shown)
-    return Touches(measurement, values, covariances, places, kept, np.array(typical)[shown], jacobian[:, :, shown])
+    return Touches(
+        measurement, values, covariances, places, kept, np.array(typical)[shown], jacobian[:, :, shown], before
+    )
 
 
 def _places(measurement: Measurement) -> np.ndarray:

@@ -53,6 +53,7 @@ def drift_json(found: Drift) -> dict[str, Any]:
         "implausible": [
             {"line": line, "log10_odds": odds / float(np.log(10.0))} for line, odds in _implausible(found)
         ],
+        "learned_with": [each._asdict() for each in found.followed.learned],
     }  # fmt: skip
 
 
@@ -73,7 +74,16 @@ def drift_verdict(found: Drift) -> str:
             f"The reading in line {line} is implausible (odds {'above ' * (power == 6.0)}{10**power:.0f} to 1), and is "
             "left out: touch the sphere again."
         )
+    lines += _learned(found)
     return "\n".join(lines)
+
+
+def _learned(found: Drift) -> Iterator[str]:
+    """Where walk, scatter and dependences are known from, beside the log."""
+    learned = found.followed.learned
+    if used := [f"{each.source} ({each.readings} readings)" for each in learned if each.readings]:
+        yield f"Walk, scatter and sensors were learned from this log and from {', '.join(used)}."
+    yield from (f"Nothing was learned from {each.source}: {each.reason}." for each in learned if each.reason)
 
 
 def drift_report(found: Drift, lead: str, head: ReportHead) -> Report:
@@ -121,7 +131,7 @@ def _panel(found: Drift, k: int) -> Panel:
     panel = Panel("time, h", f"{'xyz'[k]}, um", "xyz"[k])
     u = np.sqrt(touches.covariances[:, k, k] + found.followed.structure.sizes.scatter[0])
     for number, place in enumerate(found.estimate.places):
-        own = touches.places == number
+        own = touches.places == place.number
         if np.isfinite(place.u[k]):
             values, times = touches.values[own, k] - touches.values[own, k][0], found.followed.times[own] / HOUR
             bars_of_error(panel, times, values, 2.0 * u[own], COLOURS[number % len(COLOURS)], place.name, size=4)

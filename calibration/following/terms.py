@@ -94,6 +94,12 @@ class Structure:
         """The columns, made white, up to the last reading."""
         return self.walked(self.columns)
 
+    @property
+    def log_likely(self) -> float:
+        """Log density of the readings, with the prior odds of the terms: each sensor with each lag is as likely."""
+        each = float(np.log(max(len(self.sensors), 1) * (1 + len(self.lags))))
+        return float(self.log_evidences(self.sizes)[0]) - len(self.terms) * each
+
     @cached_property
     def log_evidence(self) -> float:
         """Log density of the readings, less what does not depend on the terms."""
@@ -143,44 +149,50 @@ class Structure:
         return np.append(0.0, (unit * SIZES_IN_TYPICAL) ** 2)
 
     def of_outliers(self) -> Array:
-        """Log odds `(n,)` that a reading has a shift of its own."""
+        """Log odds `(n,)` that a reading, of no earlier log, has a shift of its own."""
         n, prior = len(self.touches), self.touches.measurement.machine.priors.outlier
-        groups = np.einsum("nm,ij->nimj", np.eye(n), np.eye(3))
+        groups = np.einsum("nm,ij->nimj", np.eye(n)[:, self.touches.before :], np.eye(3))
         return self.gains(groups, OUTLIER_SIZES / UM, self._quieter) + float(np.log(prior))
 
     def of_jumps(self) -> Array:
         """Log odds `(n - 2,)` that all parameters jump between a reading and the next, the last one left out.
 
-        The last reading alone may as well be an outlier.
+        The last reading alone may as well be an outlier. The readings are those of no earlier log.
         """
-        n, priors = len(self.touches), self.touches.measurement.machine.priors
+        priors = self.touches.measurement.machine.priors
         jumps = self.touches.jacobian * np.array([each.quantities()[0].typical for each in self.touches.effects])
-        behind = np.arange(n)[:, None] > np.arange(n - 2)
+        behind = self._behind
         groups = behind[:, None, :, None] * jumps[:, :, None, :]
-        return self.gains(groups, SIZES_IN_TYPICAL, self._quieter) + float(np.log(priors.rare / (n - 2)))
+        return self.gains(groups, SIZES_IN_TYPICAL, self._quieter) + float(np.log(priors.rare / behind.shape[1]))
+
+    @property
+    def _behind(self) -> np.ndarray:
+        """Readings `(all, n - 2)` that are behind each of those between which something may jump."""
+        rows = np.arange(len(self.touches))
+        return np.asarray(rows[:, None] > rows[self.touches.before : -2])
 
     def of_masked_jumps(self, parameter: int) -> Array:
         """Log odds `(n - 2,)` that a parameter jumps between a reading and the next, and follows a sensor.
 
         A walk that is large enough for a jump hides the sensor, and without the sensor the walk hides the jump.
         """
-        n, priors, candidates = len(self.touches), self.touches.measurement.machine.priors, self.candidates(parameter)
+        priors, candidates, behind = self.touches.measurement.machine.priors, self.candidates(parameter), self._behind
+        n = behind.shape[1]
         if not candidates:
-            return np.full(n - 2, -np.inf)
-        behind = np.arange(n)[:, None] > np.arange(n - 2)
+            return np.full(n, -np.inf)
         size = self.touches.effects[parameter].quantities()[0].typical
         jumps = self.touches.jacobian[:, :, parameter, None] * size * behind[:, None]
         follows = np.stack([self.column(each) * self.touches.typical[parameter] for each in candidates], axis=2)
-        pairs = np.array([(k, n - 2 + j) for k in range(n - 2) for j in range(len(candidates))])
+        pairs = np.array([(k, n + j) for k in range(n) for j in range(len(candidates))])
         evidences, gained = [], []
         for evidence, others, rest, along in self._beyond(
             np.concatenate([jumps, follows], axis=2), self._walks_of(parameter)
         ):
             products = (others.T @ rest)[pairs[:, :, None], pairs[:, None]]
-            each = log_gains(products, along[pairs], SIZES_IN_TYPICAL, 1.0).reshape(n - 2, -1)
+            each = log_gains(products, along[pairs], SIZES_IN_TYPICAL, 1.0).reshape(n, -1)
             gained.append(logsumexp(each, axis=1))
             evidences.append(evidence)
-        prior = priors.rare / (n - 2) / len(self.touches.effects) / (len(self.sensors) * (1 + len(self.lags)))
+        prior = priors.rare / n / len(self.touches.effects) / (len(self.sensors) * (1 + len(self.lags)))
         return _by_all(evidences, gained) + float(np.log(prior))
 
     @property
@@ -205,11 +217,13 @@ class Structure:
 
     @property
     def lags(self) -> list[float]:
-        """Lags that are tried, s: a share of a day, or of a shorter log, and halves of it down to one return."""
-        time = self.touches.measurement.state.time
+        """Lags that are tried, s: a share of a day, or of a shorter run, and halves of it down to one return."""
+        time, run = self.touches.measurement.state.time, self.touches.measurement.run
         assert time is not None
-        span = float(time[-1] - time[0])
-        returns = span / int(np.bincount(self.touches.places).max())
+        names = np.zeros(len(time)) if run is None else run
+        own = max((names == name for name in np.unique(names)), key=lambda rows: float(np.ptp(time[rows])))
+        span = float(np.ptp(time[own]))
+        returns = span / int(np.bincount(self.touches.places[own]).max())
         longest = max(LAGS) * min(span, DAY)
         return [longest / 2.0**k for k in range(1 + int(max(np.log2(longest / max(returns, 1.0)), 0.0)))]
 

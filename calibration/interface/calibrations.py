@@ -146,6 +146,7 @@ def drift(
     temperature: Texts = (),
     tolerance_um: Annotated[float, 0, None] | None = None,
     accept_jumps: bool = False,
+    earlier: Sequence[Measurement] = (),
     progress: Progress = silent,
 ) -> Drift:
     """The drift of a machine between parts, by a log of touches of spheres or other features.
@@ -155,6 +156,7 @@ def drift(
     predicted, by default the last reading; since: when the work offsets were touched off, by default the first reading;
     temperature: those at that time, degC (`spindle=31.5`), by default those of the last reading; tolerance_um: largest
     uncertainty (k = 2) with which the drift is of use; accept_jumps: a jump between two readings is taken as drift.
+    earlier: logs of the same machine, from which walk, scatter and the dependences on temperatures are learned too.
 
     UserError for a log that cannot be used, whose newest readings contradict the earlier ones, for a drift that is not
     known within the tolerance, and for a calibration that has a drift already.
@@ -170,5 +172,5 @@ def drift(
             f"calibration {name} has a drift already ({present.provenance.source}), which would count twice: give the "
             "calibration without the drift"
         )
-    found = follow(measurement, jumps=accept_jumps, progress=progress)
+    found = follow(measurement, earlier, jumps=accept_jumps, progress=progress)
     return drift_at(found, present, at, since, kelvin, tolerance_um)

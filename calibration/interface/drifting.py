@@ -16,7 +16,12 @@ from kinematics.user_error import UserError
 if TYPE_CHECKING:
     from calibration.following.drift import Drift
     from calibration.following.followed import Followed
+    from calibration.measurement.measurement import Measurement
     from kinematics.error_model.model import ErrorModel
+    from kinematics.machine import Machine
+
+    EarlierLogs = Callable[[Machine], Sequence[Measurement]]
+    """Earlier logs of touches of a machine."""
 
 
 class Drifting:
@@ -26,8 +31,11 @@ class Drifting:
     less than its uncertainty at this moment, the calibration that was given counts.
     """
 
-    def __init__(self, log: Path, say: Callable[[str], None], since: str | None, tolerance_um: float | None) -> None:
+    def __init__(
+        self, log: Path, say: Callable[[str], None], since: str | None, tolerance_um: float | None, earlier: EarlierLogs
+    ) -> None:
         self._log, self._say, self._since, self._tolerance_um = log, say, since, tolerance_um
+        self._earlier = earlier
         self.output = log.with_suffix(".drift.json")
         self._key: Any = None
         self._corrected: bool | None = None
@@ -37,11 +45,16 @@ class Drifting:
 
     @classmethod
     def of(
-        cls, log: Path | None, say: Callable[[str], None], since: str | None, tolerance_um: float | None
+        cls,
+        log: str | Path | None,
+        say: Callable[[str], None],
+        since: str | None,
+        tolerance_um: float | None,
+        earlier: EarlierLogs = lambda _: (),
     ) -> Drifting | None:
-        """By a log of touches; None without one. UserError for what belongs to a log, without one."""
+        """By a log of touches, and earlier ones; None without one. UserError for what belongs to a log, without one."""
         if log is not None:
-            return cls(log, say, since, tolerance_um)
+            return cls(Path(log), say, since, tolerance_um, earlier)
         for option, value in {"--drift-since": since, "--drift-tolerance-um": tolerance_um}.items():
             if value is not None:
                 raise UserError(f"{option} is of the log of touches: give --drift LOG.csv too")
@@ -70,7 +83,7 @@ class Drifting:
                 f"--drift {self._log}: the programs of now need the times of the touches: a column time with time "
                 "stamps, and the zone of their clock ('# zone: Europe/Berlin')"
             )
-        found = drift(measurement, calibration)
+        found = drift(measurement, calibration, earlier=self._earlier(measurement.machine))
         self._followed, self._calibration = found.followed, found.calibration
 
     def _now(self) -> Drift:

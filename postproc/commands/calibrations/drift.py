@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import SET_UP, argument, option, output_option
+from postproc.commands.options.earlier_touches import drift_entry, earlier_touches
 from postproc.commands.options.measurement import DataOptions
-from postproc.commands.options.shared import CalibrationName, MachineName, ResultOptions, whole_results
+from postproc.commands.options.recorded import RecordedOptions
+from postproc.commands.options.shared import CalibrationName, MachineName, whole_results
 
 if TYPE_CHECKING:
     from calibration.following.drift import Drift
@@ -22,6 +24,8 @@ EPILOG = (
     "--at '2026-11-30 15:00:00' --temperature spindle=31.5 --tolerance-um 5`\n\n"
     "`ncomp drift touches.csv --machine mill.toml --calibration none -o now.json --offsets zero.nc "
     "--dialect fanuc --work-offset G54=-210.5,-95,-310`\n\n"
+    "`ncomp drift touches.csv --machine mill.toml --calibration none -o now.json --history`  "
+    "learns from earlier logs too\n\n"
     "then `ncomp part.nc --machine mill.toml --calibration now.json -o part_c.nc`"
 )
 
@@ -94,13 +98,13 @@ def drift(
     times: TimeOptions,
     offset: OffsetOptions,
     data: DataOptions,
-    others: ResultOptions,
+    others: RecordedOptions,
 ) -> None:
     """Follow the drift of a machine by repeated touches of a sphere, and correct the next programs for it.
 
     The drift since the first reading, or since the work offsets were touched off, is a random walk and what follows the
-    temperatures, both learned from the log. Implausible readings are left out. A drift that is less than its
-    uncertainty is not corrected (docs/drift.md).
+    temperatures, both learned from the log, and with --history from the earlier ones of the machine. Implausible
+    readings are left out. A drift that is less than its uncertainty is not corrected (docs/drift.md).
     """
     from calibration.following.report import drift_json, drift_report
     from calibration.reports.head import measured_head
@@ -109,12 +113,19 @@ def drift(
 
     mill = ncomp.load_machine(machine)
     measurement = data.read([touches], mill)
-    found = ncomp.drift(measurement, calibration, **vars(times))
+    earlier = earlier_touches(mill, others.address(mill))
+    found = ncomp.drift(measurement, calibration, **vars(times), earlier=earlier)
     program = offset.program(found)
     head = measured_head(measurement, found.model, f"ncomp drift {touches} --machine {machine}")
     report = drift_report(found, touches.name, head)
-    with whole_results(output, offset.offsets, *others.files) as (file, offset_file, *files):
+    results = drift_json(found)
+    with (
+        others.recorded(mill) as record,
+        whole_results(output, offset.offsets, *others.files) as (file, offset_file, *files),
+    ):
         file.write(encode_model(found.model))
         offset_file.write(program)
-        others.write(drift_json(found), report, tuple(files), (touches, *data.files))
+        others.write(results, report, tuple(files), (touches, *data.files))
+        if not times.accept_jumps:  # a log with a jump is no example for others
+            record(drift_entry(found, results, (touches, *data.files)))
     show(report, output, offset.offsets, *others.files)

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, ClassVar
 from postproc.commands.options.declared import MODEL, option
 
 if TYPE_CHECKING:
+    from calibration.measurement.measurement import Measurement
+    from kinematics.machine import Machine
+    from postproc.commands.options.recorded import HistoryOptions
     from postproc.interface.request import Request
 
 
@@ -41,12 +44,19 @@ class DriftOptions:
         """True with any option."""
         return any(each is not None for each in (self.drift, self.drift_since, self.drift_tolerance_um))
 
-    def requests(self, given: Callable[[], Request], say: Callable[[str], None]) -> Callable[[], Request]:
-        """The request of watched programs, with the drift by the log if there is one.
+    def requests(
+        self, given: Callable[[], Request], say: Callable[[str], None], history: HistoryOptions
+    ) -> Callable[[], Request]:
+        """The request of watched programs, with the drift by the log if there is one, and by earlier ones.
 
         UserError for options of the log without one.
         """
         from calibration.interface.drifting import Drifting
+        from postproc.commands.options.earlier_touches import earlier_touches
         from postproc.interface.request import with_calibration
 
-        return with_calibration(given, Drifting.of(self.drift, say, self.drift_since, self.drift_tolerance_um))
+        def earlier(machine: Machine) -> list[Measurement]:
+            return earlier_touches(machine, history.address(machine))
+
+        drifting = Drifting.of(self.drift, say, self.drift_since, self.drift_tolerance_um, earlier)
+        return with_calibration(given, drifting)

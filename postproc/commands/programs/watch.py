@@ -71,7 +71,7 @@ def watch(
             raise UserError(
                 "watch: OUT is missing: folder of the corrected programs; 'ncomp watch --help' lists its options"
             )
-        source = Folder(folder, output, glob, drift.requests(partial(given.request, "watch", job), _say), job)
+        source = Folder(folder, output, glob, drift.requests(partial(given.request, "watch", job), _say, results), job)
     with suppress(SystemExit):  # of SIGTERM
         Watch(source, settle, _say, results).run(idle)
 
