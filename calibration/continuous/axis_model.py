@@ -69,8 +69,7 @@ def line_of(measurements: Sequence[Measurement], axis: str) -> Line:
     """The line of all quasi-static readings of the axis; UserError for more than one line."""
     stood, targets = [], []
     for measurement in measurements:
-        assert measurement.axis is not None
-        rows = measurement.axis == axis
+        rows = measurement.axis_rows[axis]
         positions = measurement.state.positions[rows].copy()
         positions[:, measurement.machine.index(axis)] = 0.0
         stood.append(positions)

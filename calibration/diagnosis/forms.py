@@ -125,7 +125,7 @@ def reversals(observations: Observations) -> Iterator[Term]:
     They are as smooth as error motions; at targets that are visited again and again also a mean and any difference.
     """
     measurement = observations.measurement
-    for motion, degrees in motions(measurement):
+    for motion, degrees in motions(measurement) if measurement.axis_rows else ():
         smooth = np.diag(1.0 / np.maximum(degrees, 1) ** observations.priors.smoothness)
         yield _reversal(observations, motion, motion.basis, smooth)
         if nodes := repeated_targets(measurement, motion.axis):

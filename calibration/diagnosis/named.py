@@ -58,8 +58,7 @@ def named(observations: Observations) -> list[Term]:
     for effect in effects:
         for form in _forms(effect):
             terms.append(_between_shapes(observations, effect, form, between.get(effect)))
-    if measurement.axis is not None:
-        terms += reversals(observations)
+    terms += reversals(observations)
     if observations.given is not None:
         terms += motion_changes(observations, observations.given)
     for effect in map(at_zero, jumps(measurement)):

@@ -56,22 +56,14 @@ class Data:
     @cached_property
     def index(self) -> np.ndarray:
         """Rows that are measured again: those of the last run at the last station, evenly at most `most`."""
-        m = self.measurement
-        last = np.ones(len(m), bool) if m.axis is not None else m.groups == m.groups[-1]
-        if m.axis is not None and m.run is not None:
-            for axis in np.unique(m.axis).tolist():
-                own = m.axis == axis
-                last[own] = m.run[own] == m.run[own][-1]
-        elif m.state.cycle is not None:
-            last &= m.state.cycle == m.state.cycle[last][-1]
-        rows = np.flatnonzero(last)
+        rows = np.flatnonzero(self.measurement.instrument.last_visit(self.measurement))
         return rows[np.linspace(0, len(rows) - 1, min(len(rows), self.most)).astype(int)] if len(rows) else rows
 
     @cached_property
     def set_up(self) -> str | None:
         """Name of the next set-up of an instrument with stations or spheres; None for others."""
-        instrument = self.measurement.instrument
-        return unused(list(self.registration.poses)) if instrument.components == 3 or instrument.STATIONED else None
+        poses = self.registration.poses
+        return unused(list(poses)) if poses else None
 
     @cached_property
     def registered_again(self) -> Registration:
@@ -157,23 +149,9 @@ class Data:
     ) -> FollowUpDesign:
         """The design with the observations of the machine without errors, and its duration."""
         registration = registration or self.registered_again
-        n = len(measurement)
-        if measurement.axis is not None:
-            zeros = dict(registration.zeros) | dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0)
-            across = np.unique(measurement.groups[measurement.straightness]).tolist()
-            slopes = dict(registration.slopes) | {name: registration.slopes.get(name, 0.0) for name in across}
-            registration = replace(registration, zeros=zeros, slopes=slopes)
-            done = replace(measurement, observed=np.zeros((n, 1)))
-        else:
-            points = registration.points(measurement)
-            seen = registration.apply(measurement, points)
-            done = replace(measurement, observed=seen, state=replace(measurement.state, observed=seen))
-            if measurement.instrument.components == 1:
-                names = np.unique(measurement.instrument.zero_names(done)).tolist()
-                registration = replace(registration, zeros=dict.fromkeys(names, 0.0) | dict(registration.zeros))
-                done = replace(done, observed=np.linalg.norm(seen, axis=1, keepdims=True))
+        done, registration = measurement.instrument.nominally_observed(measurement, registration)
         time = measurement.state.time
-        seconds = n * self.step_s if time is None or not self.in_motion else float(np.ptp(time)) + self.step_s
+        seconds = len(done) * self.step_s if time is None or not self.in_motion else float(np.ptp(time)) + self.step_s
         return FollowUpDesign(name, does, pause_min + seconds / 60.0, done, registration)
 
 

@@ -149,7 +149,7 @@ def _by_lengths(data: Data, stops: np.ndarray, axes: list[str]) -> Measurement:
         for k, move in enumerate((short, -short, far, -far)):
             rows = slice(4 * number + k, None, 4 * len(axes))
             last[rows, i], approach[rows, i] = move, np.sign(move)
-    if data.measurement.axis is not None:
+    if data.measurement.axis_rows:
         own = np.tile(np.repeat(axes, 4), len(stops) // (4 * len(axes)))
         there = replace(there, axis=own)
     return replace(there, state=replace(there.state, last_move=last, approach=approach))
@@ -174,7 +174,7 @@ def _finer(data: Data) -> Iterator[FollowUpDesign]:
         i = m.machine.index(axis)
         line = np.tile(middle, (FINE_POSITIONS, 1))
         line[:, i] = np.sort(rng.uniform(m.state.positions[:, i].min(), m.state.positions[:, i].max(), FINE_POSITIONS))
-        own = data.index if m.axis is None else data.index[m.axis[data.index] == axis]
+        own = np.intersect1d(data.index, m.axis_rows[axis]) if m.axis_rows else data.index
         if len(own):
             rows = np.concatenate([np.full(FINE_POSITIONS, own[-1]), off])
             there = data.following(rows, positions=np.concatenate([line, m.state.positions[off]]))

@@ -132,9 +132,8 @@ def with_short_stops(measurement: Measurement) -> tuple[Measurement, np.ndarray]
     A long standstill contains no more about the motion than a short one, and its rows have one error of position. Rows
     with another target, or another error motion, are not averaged.
     """
-    named = [column for column in (measurement.axis, measurement.component) if column is not None]
-    numbers = [np.unique(column, return_inverse=True)[1] for column in named]
-    columns = np.array([measurement.stops, measurement.target_number, *numbers])
+    motions = np.unique(measurement.motions, return_inverse=True)[1]
+    columns = np.array([measurement.stops, measurement.target_number, measurement.axis_column, motions])
     start = np.flatnonzero(np.append(True, np.any(np.diff(columns, axis=1) != 0, axis=0)))
     count = np.diff(np.append(start, len(measurement)))
     within = np.arange(len(measurement)) - np.repeat(start, count)

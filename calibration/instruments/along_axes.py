@@ -7,6 +7,8 @@ Values are exact; derivatives are those at nominal positions, first order in the
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import reduce
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
@@ -42,12 +44,36 @@ class AlongAxes(InstrumentBase, frozen=True):
         """The error motions that were observed, and the backlash."""
         return ErrorsShown(observed_components(measurement, axis), backlash=True)
 
+    def groups(self, measurement: Measurement) -> np.ndarray:
+        """The runs: each observes an axis, or one error motion of it, and has an unknown zero."""
+        parts = [measurement.axis, measurement.run, measurement.component]
+        first, *others = [part.astype(str) for part in parts if part is not None]
+        return reduce(lambda names, part: np.char.add(np.char.add(names, " "), part), others, first)
+
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
         """See `InstrumentBase.first_registration`."""
         names, groups = np.unique(measurement.groups).tolist(), measurement.groups
         across = dict.fromkeys(np.unique(groups[measurement.straightness]).tolist(), 0.0)
         zeros = {name: _mean_zero(measurement.observed, groups == name, trusted) for name in names}
         return Registration(zeros=zeros, slopes=across)
+
+    def last_visit(self, measurement: Measurement) -> np.ndarray:
+        """The last run of each axis."""
+        last = np.zeros(len(measurement), bool)
+        for rows in measurement.axis_rows.values():
+            names = np.asarray(measurement.run)[rows]
+            last[rows] = names == names[-1]
+        return last
+
+    def nominally_observed(
+        self, measurement: Measurement, registration: Registration
+    ) -> tuple[Measurement, Registration]:
+        """See `InstrumentBase.nominally_observed`."""
+        zeros = dict(registration.zeros) | dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0)
+        across, known = np.unique(measurement.groups[measurement.straightness]).tolist(), dict(registration.slopes)
+        slopes = known | {name: known.get(name, 0.0) for name in across}
+        done = replace(measurement, observed=np.zeros((len(measurement), 1)))
+        return done, replace(registration, zeros=zeros, slopes=slopes)
 
     def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
         """See `InstrumentBase.expected`; NaN for runs whose zero is missing in the registration."""
@@ -99,16 +125,14 @@ class AlongAxes(InstrumentBase, frozen=True):
 
     def by_axes(self, measurement: Measurement, registration: Registration) -> Array:
         """See `InstrumentBase.by_axes`."""
-        assert measurement.axis is not None
-        own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
+        own = np.equal(measurement.axis_column[:, None], np.arange(len(measurement.machine.axes)))
         return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
 
 
 def observed_components(measurement: Measurement, axis: str) -> list[Component]:
     """Error motions of an axis that an interferometer observes."""
-    rows = np.equal(np.asarray(measurement.axis), axis)
-    named = np.full(len(measurement), "") if measurement.component is None else measurement.component
-    letters = {letter or own_component(axis) for letter in np.unique(named[rows]).tolist()}
+    named = measurement.motions[measurement.axis_rows[axis]]
+    letters = {letter or own_component(axis) for letter in np.unique(named).tolist()}
     return [component for component in get_args(Component) if component in letters]
 
 
@@ -119,30 +143,26 @@ def _lines(measurement: Measurement) -> Array:
     The direction is that of the axis' motion, or of the error frame for a named error motion.
     """
     machine = measurement.machine
-    assert measurement.axis is not None
     slopes = pose_slopes(machine, measurement.state.positions)
     lines = np.zeros((len(measurement), 6))
-    for name in np.unique(measurement.axis).tolist():
-        i, rows = machine.index(name), measurement.axis == name
+    for name, rows in measurement.axis_rows.items():
+        i = machine.index(name)
         part = slice(3, 6) if machine.axes[i].rotary else slice(0, 3)
         lines[rows, part] = slopes[rows, part, i]
-    return lines if measurement.component is None else _with_named(measurement, lines)
+    return _with_named(measurement, lines)
 
 
 def _with_named(measurement: Measurement, lines: Array) -> Array:
     """The directions `(n, 6)`; those of named error motions are axes of the error frame."""
-    machine, component = measurement.machine, measurement.component
-    assert measurement.axis is not None
-    assert component is not None
+    machine = measurement.machine
     frames = axis_frames(machine, measurement.state.positions)
-    for name, letter in np.unique(np.stack([measurement.axis, component], axis=1).astype(str), axis=0).tolist():
-        if not letter:
-            continue
-        i, k = machine.index(name), COMPONENTS.index(letter)
-        rows = np.flatnonzero((measurement.axis == name) & (component == letter))
-        along = turn(frames[i].rotation, machine.axes[i].error_frame[:, k % 3])
-        lines[rows] = 0.0
-        lines[rows[:, None], 3 * (k // 3) + np.arange(3)] = np.broadcast_to(along, (len(lines), 3))[rows]
+    for name, of_axis in measurement.axis_rows.items():
+        i = machine.index(name)
+        for k, letter in enumerate(COMPONENTS):
+            rows = of_axis[measurement.motions[of_axis] == letter]
+            along = turn(frames[i].rotation, machine.axes[i].error_frame[:, k % 3])
+            lines[rows] = 0.0
+            lines[rows[:, None], 3 * (k // 3) + np.arange(3)] = np.broadcast_to(along, (len(lines), 3))[rows]
     return lines
 
 

@@ -51,6 +51,7 @@ class Ballbar(OfDistances, frozen=True, tag="ballbar"):
     """A telescopic bar between a ball in the spindle and a ball on the table, which reads the distance of the balls."""
 
     OBSERVES = "distance"
+    PARTS = ("distance",)
     OBSERVED = (RADIUS,)
     HEADER_KEYS = (CENTRE, LENGTH, LENGTH_U)
     RECOGNISED_BY = LENGTH

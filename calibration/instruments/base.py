@@ -36,6 +36,17 @@ class ErrorsShown(NamedTuple):
     backlash: bool = False
 
 
+class LeastErrors(NamedTuple):
+    """Sizes (k = 1) of a machine's errors that a fit expects at least, whatever the sizes that its data suggest."""
+
+    typical_lines: bool = False
+    """True where the lines of rotary axes keep their typical location errors."""
+    squareness_urad: float = 0.0
+    slope_um_per_mm: float = 0.0
+    """Slope of each translation along its axis."""
+    backlash_um: float = 0.0
+
+
 class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of all instruments. The class holds the facts of the kind, an object the uncertainties of one instrument."""
 
@@ -46,6 +57,8 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     of the tip from such a centre; the range from a station; the deviation along or about one axis; or the distance of
     two positions, with readings of a dial gauge.
     """
+    PARTS: ClassVar[tuple[str, ...]] = ()
+    """Names of the parts of an observation; empty where the rows of each axis are told apart instead."""
     STATIONED: ClassVar[bool] = False
     """True where the instrument stands at stations, whose positions are chosen."""
     STATIONS: ClassVar[int] = 1
@@ -180,6 +193,11 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     def check_rows(self, table: Table, states: MeasurementStates) -> None:
         """UserError for rows whose quantity has no uncertainty."""
 
+    def groups(self, measurement: Measurement) -> np.ndarray:
+        """Name `(n,)` of the part of the registration that a row has: its set-up, `1` where none is named."""
+        station = measurement.state.station
+        return np.full(len(measurement), "1") if station is None else station.astype(str)
+
     def zero_names(self, measurement: Measurement) -> np.ndarray:
         """Name `(n,)` of the zero of each row among those of a registration: its set-up, where it has no other."""
         return measurement.groups
@@ -187,6 +205,11 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """Header lines besides those of uncertainties and of usual targets, without `# `."""
         yield from ()
+
+    @property
+    def least_errors(self) -> LeastErrors:
+        """Least sizes of errors, where its observations leave some to the prior."""
+        return LeastErrors()
 
     @property
     def length_u(self) -> float | None:
@@ -205,6 +228,21 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     @abstractmethod
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
         """A first registration, from the nominal machine and the rows in the mask `trusted` `(n,)`."""
+
+    def last_visit(self, measurement: Measurement) -> np.ndarray:
+        """Mask `(n,)` of the rows of the last cycle at the last set-up."""
+        groups, cycle = measurement.groups, measurement.state.cycle
+        last = groups == groups[-1]
+        return np.asarray(last if cycle is None else last & (cycle == cycle[last][-1]))
+
+    @abstractmethod
+    def nominally_observed(
+        self, measurement: Measurement, registration: Registration
+    ) -> tuple[Measurement, Registration]:
+        """The measurement with observations of the nominal machine, without zeros, and the registration of its rows.
+
+        Zeros and slopes that the registration lacks are 0.
+        """
 
     @abstractmethod
     def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:

@@ -27,6 +27,7 @@ class LaserTracker(OfPoints, frozen=True, tag="laser-tracker"):
     """Points in the tracker's own frame, whose origin emits the beam: range, and two angles across the beam."""
 
     OBSERVES = "point"
+    PARTS = ("x", "y", "z")
     OBSERVED = ("x", "y", "z")
     OPTIONAL = ("scatter_um",)
     HEADER_KEYS = ("stands_on",)

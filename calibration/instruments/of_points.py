@@ -57,6 +57,13 @@ class OfPoints(InstrumentBase, frozen=True):
         registration = Registration(poses, centres, PLANAR if planar else RIGID)
         return replace(registration, targets=_first_targets(measurement, registration))
 
+    def nominally_observed(
+        self, measurement: Measurement, registration: Registration
+    ) -> tuple[Measurement, Registration]:
+        """See `InstrumentBase.nominally_observed`."""
+        seen = registration.apply(measurement, registration.points(measurement))
+        return replace(measurement, observed=seen, state=replace(measurement.state, observed=seen)), registration
+
     def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
         """See `InstrumentBase.expected`."""
         return measurement.components_of(self.seen(measurement, registration, effects))
@@ -135,6 +142,15 @@ class OfDistances(OfPoints, frozen=True):
 
     The centre is the origin of the instrument's frame, whose orientation has no effect.
     """
+
+    def nominally_observed(
+        self, measurement: Measurement, registration: Registration
+    ) -> tuple[Measurement, Registration]:
+        """See `InstrumentBase.nominally_observed`."""
+        done, registration = super().nominally_observed(measurement, registration)
+        zeros = dict.fromkeys(np.unique(self.zero_names(done)).tolist(), 0.0) | dict(registration.zeros)
+        far = np.linalg.norm(done.observed, axis=1, keepdims=True)
+        return replace(done, observed=far), replace(registration, zeros=zeros)
 
     def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
         """Distances `(n, 1)`, mm, with the zeros of their rows; 0 where the registration lacks one."""

@@ -27,6 +27,7 @@ class Part(OfPoints, frozen=True, tag="part"):
     """Features of a machined workpiece in the part's frame, measured for example on a coordinate measuring machine."""
 
     OBSERVES = "point"
+    PARTS = ("x", "y", "z")
     OBSERVED = ("nominal_x", "nominal_y", "nominal_z", "x", "y", "z")
     HEADER_KEYS = ("part_offset",)
     IN_ORDER_OF_MOVES = False

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from calibration.instruments.base import LeastErrors
 from calibration.instruments.distances import distance_design, distance_residuals
 from calibration.instruments.of_points import OfPoints
 from calibration.instruments.targets import Distance, Target
@@ -60,6 +61,7 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
     """A touch probe in the spindle that finds the centres of spheres on the table, or an R-test that reads them."""
 
     OBSERVES = "offset"
+    PARTS = ("x", "y", "z")
     OBSERVED = (SPHERE, *READINGS)
     HEADER_KEYS = (TIP, SPINDLE, SQUARENESS)
     RECOGNISED_BY = TIP
@@ -75,6 +77,14 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
     """Directions of the workpiece frame, `XY`, that a feature which is no sphere shows, by its name."""
     components: Literal[3] = 3
     """Number of observed values in a row."""
+
+    @property
+    def least_errors(self) -> LeastErrors:
+        """Location errors: they come from assembly, not from the shapes of error motions.
+
+        Spheres leave combinations of them to the prior.
+        """
+        return LeastErrors(typical_lines=True, squareness_urad=self.squareness_urad)
 
     @classmethod
     def is_header_key(cls, key: str) -> bool:

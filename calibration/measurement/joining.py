@@ -127,7 +127,7 @@ def _state(measurements: Sequence[Measurement], names: list[str], notes: list[st
         temperatures=_temperatures(states, names, notes),
         spindle_speed=column("spindle_speed", "the speed of the spindle"),
         cycle=column("cycle", "run as a cycle"),
-        station=None if measurements[0].axis is not None else stations,
+        station=None if measurements[0].axis_rows else stations,
         target=column("target", "the target"),
         observed=column("observed", "the observed point"),
     )
@@ -137,7 +137,7 @@ def _components(measurements: Sequence[Measurement]) -> np.ndarray | None:
     """Error motions `(n,)` observed by an interferometer; empty in files of positioning deviations."""
     if all(m.component is None for m in measurements):
         return None
-    return np.concatenate([np.full(len(m), "") if m.component is None else m.component for m in measurements])
+    return np.concatenate([m.motions for m in measurements])
 
 
 def _together(

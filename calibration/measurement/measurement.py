@@ -131,14 +131,18 @@ class Measurement(Shown):
     @cached_property
     def groups(self) -> np.ndarray:
         """Registration group `(n,)`: a tracker's station, a probe's sphere, a table ball, an interferometer's run."""
-        if self.axis is not None:
-            assert self.run is not None
-            names = np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
-            if self.component is not None:
-                names = np.char.add(np.char.add(names, " "), self.component.astype(str))
-            return read_only(names)
-        station = self.state.station
-        return read_only(np.full(len(self), "1") if station is None else station.astype(str))
+        return read_only(self.instrument.groups(self))
+
+    @cached_property
+    def axis_rows(self) -> Mapping[str, np.ndarray]:
+        """Numbers of the rows of each axis that is observed by itself; empty where rows observe all axes together."""
+        names = [] if self.axis is None else np.unique(self.axis).tolist()
+        return {name: read_only(np.flatnonzero(self.axis == name)) for name in names}
+
+    @cached_property
+    def motions(self) -> np.ndarray:
+        """Error motion `(n,)` that a row observes, X ... C; empty for positioning deviations, and for points."""
+        return read_only(np.full(len(self), "") if self.component is None else self.component)
 
     @cached_property
     def temperatures(self) -> dict[str, tuple[float, float]]:
@@ -174,7 +178,7 @@ class Measurement(Shown):
             if axis.turns_fully:
                 ends[i] = measured_arc(positions[:, i]) if self.across is None else swept_arc(*ends[i])
         names = self.machine.names
-        measured = set(names) if self.axis is None else set(self.axis.tolist())
+        measured = self.axis_rows or names
         moved = zip(names, ends, strict=True)
         return {name: (a, b) for name, (a, b) in moved if b - a > STANDSTILL_RANGE and name in measured}
 
@@ -213,22 +217,20 @@ class Measurement(Shown):
 
     @cached_property
     def axis_column(self) -> np.ndarray:
-        """Column `(n,)` of the measured axis among the positions, for an interferometer."""
-        assert self.axis is not None
-        names = self.axis.tolist()
-        columns = {name: self.machine.index(name) for name in set(names)}
-        return read_only(np.array([columns[name] for name in names], int))
+        """Column `(n,)` among the positions of the axis that a row observes; 0 where rows observe all together."""
+        columns = np.zeros(len(self), int)
+        for name, rows in self.axis_rows.items():
+            columns[rows] = self.machine.index(name)
+        return read_only(columns)
 
     @cached_property
     def axis_position(self) -> Array:
-        """Position `(n,)` of the measured axis, mm or rad, for an interferometer."""
+        """Position `(n,)`, mm or rad, of the axis in `axis_column`."""
         return read_only(np.asarray(self.state.positions[np.arange(len(self)), self.axis_column]))
 
     @cached_property
     def per_micro(self) -> Array:
         """Factors `(n, 1)` from mm to um, and from rad to urad, of each observation."""
-        if self.axis is None:
-            return read_only(np.full((len(self), 1), 1e3))
         return read_only(np.where(self.angular, 1e6, 1e3)[:, None])
 
     @property
@@ -241,17 +243,18 @@ class Measurement(Shown):
     @cached_property
     def angular(self) -> np.ndarray:
         """Mask `(n,)` of the observations of angles: of rotary axes, and angular error motions of linear ones."""
-        rotary = [axis.name for axis in self.machine.axes if axis.rotary]
-        mask = np.isin(self.axis, rotary) if self.axis is not None else np.zeros(len(self), bool)
-        return read_only(mask if self.component is None else mask | np.isin(self.component, list("ABC")))
+        mask = np.isin(self.motions, list("ABC"))
+        for name, rows in self.axis_rows.items():
+            mask[rows] |= self.machine.rotary[self.machine.index(name)]
+        return read_only(mask)
 
     @cached_property
     def positioning(self) -> np.ndarray:
         """Mask `(n,)` of the observations of an axis along, or about, its own line."""
-        if self.axis is None or self.component is None:
-            return read_only(np.ones(len(self), bool))
-        own = np.array([own_component(name) for name in self.axis.tolist()])
-        return read_only(np.asarray((self.component == "") | (self.component == own)))
+        mask = np.ones(len(self), bool)
+        for name, rows in self.axis_rows.items():
+            mask[rows] = np.isin(self.motions[rows], ["", own_component(name)])
+        return read_only(mask)
 
     @cached_property
     def straightness(self) -> np.ndarray:

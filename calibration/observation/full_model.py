@@ -25,8 +25,6 @@ SQUARENESS = ("XY", "XZ", "YZ")
 """Direction and axis of the straightness error motions whose slopes are squareness; X is x, Y lies in the x y plane."""
 TARGETS = "targets"
 """Kind of basis with a node at each target of an interferometer's runs."""
-ANY_SLOPE_UM_PER_MM, ANY_BACKLASH_UM = 100.0, 1000.0
-"""Slopes, um/mm, and backlash, um, of a router or printer of which nothing is known: ten times what users report."""
 SLOPED = 1e-2
 """Size of a parameter, as a share of the largest, from which it counts as a part of the slope."""
 LOGGED_POSITIONS = 240
@@ -121,7 +119,7 @@ def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> li
     zero = (0.0,) * basis.size
     shown = measurement.errors_shown[axis].motions
     motions = [ErrorMotion(component, axis, basis, zero, u=zero) for component in shown]
-    return list(centred(motions, {} if measurement.axis is not None else measurement.arms))
+    return list(centred(motions, {} if measurement.axis_rows else measurement.arms))
 
 
 def _at_targets(measurement: Measurement, axis: str, choice: BasisChoice) -> Basis:
@@ -157,39 +155,24 @@ def with_effects(
 
 
 def least_priors(measurement: Measurement, model: ErrorModel) -> np.ndarray:
-    """Smallest prior standard deviations `(parameters,)`, whatever the scale: 0 but for spheres and lengths.
+    """Smallest prior standard deviations `(parameters,)`, whatever the scale, as the instrument needs them.
 
-    For a touch probe the location errors, which are constants of rotary axes' error motions and slopes of straightness
-    of linear axes, keep their typical size: they come from assembly, not from the shapes of error motions, and spheres
-    leave combinations of them to the prior. Lengths come from machines of which nothing is known.
+    Location errors are constants of rotary axes' error motions and slopes of straightness of linear axes. In a table
+    each node has a part in the slope: wide nodes would be jumps, so that only two of them are a slope.
     """
-    typical, instrument = priors(model), measurement.instrument
-    if instrument.OBSERVES == "length":
-        return _of_unknown_machine(model)
-    if instrument.OBSERVES != "offset":
-        return np.zeros(len(typical))
-    least = np.where(_constants(measurement.machine, model), typical, 0.0)
-    for motion, part in model.error_motions:
-        if motion.component + motion.axis[0] in SQUARENESS:
-            # 1 urad is 1e-3 um per mm
-            least[part] = sizes_for_slope(motion.basis, instrument.squareness_urad * UM)
-    return least
-
-
-def _of_unknown_machine(model: ErrorModel) -> np.ndarray:
-    """Prior standard deviations `(parameters,)` of translations' slopes and of backlash; 0 for others.
-
-    In a table each node has a part in the slope: wide nodes would be jumps, so that only two of them are a slope.
-    """
-    least = np.zeros(len(model.parameters))
+    errors = measurement.instrument.least_errors
+    least = np.where(errors.typical_lines & _constants(measurement.machine, model), priors(model), 0.0)
     for effect, part in zip(model.effects, model.slices, strict=True):
         if effect.kind == "backlash":
-            least[part] = ANY_BACKLASH_UM
+            least[part] = errors.backlash_um
     for motion, part in model.error_motions:
-        sizes = sizes_for_slope(motion.basis, ANY_SLOPE_UM_PER_MM)
-        sizes[sizes < SLOPED * sizes.max(initial=0.0)] = 0.0
-        if not motion.angular and np.count_nonzero(sizes) <= 2:
-            least[part] = sizes
+        if errors.squareness_urad and motion.component + motion.axis[0] in SQUARENESS:
+            # 1 urad is 1e-3 um per mm
+            least[part] = sizes_for_slope(motion.basis, errors.squareness_urad * UM)
+        if errors.slope_um_per_mm and not motion.angular:
+            sizes = sizes_for_slope(motion.basis, errors.slope_um_per_mm)
+            sizes[sizes < SLOPED * sizes.max(initial=0.0)] = 0.0
+            least[part] = sizes if np.count_nonzero(sizes) <= 2 else least[part]
     return least
 
 
@@ -208,20 +191,20 @@ def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
     They are as many as `MEAN_REPEATS` allows, as in a test by ISO 230-2. Empty also for an axis that turns fully: its
     errors repeat with the turn.
     """
-    if measurement.axis is None or measurement.machine.axes[measurement.machine.index(axis)].turns_fully:
+    rows = measurement.axis_rows.get(axis)
+    if rows is None or measurement.machine.axes[measurement.machine.index(axis)].turns_fully:
         return []
-    rows = np.equal(measurement.axis, axis)
     position = np.round(measurement.state.position(measurement.machine, axis)[rows], 3)
     targets, visits = np.unique(position, return_counts=True)
     return targets.tolist() if 2 < len(targets) * MEAN_REPEATS <= len(position) and visits.min() > 1 else []
 
 
 def is_log(measurement: Measurement, axis: str) -> bool:
-    """True for an axis that a reference of one axis (interferometer) observed at `LOGGED_POSITIONS` or more.
+    """True for an axis that was observed by itself at `LOGGED_POSITIONS` or more.
 
     Its positions show waves of any length, so that no basis has to.
     """
-    return measurement.axis is not None and measurement.distinct_positions[axis] >= LOGGED_POSITIONS
+    return axis in measurement.axis_rows and measurement.distinct_positions[axis] >= LOGGED_POSITIONS
 
 
 def priors(model: ErrorModel) -> np.ndarray:

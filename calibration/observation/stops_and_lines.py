@@ -43,15 +43,12 @@ def lines(measurement: Measurement) -> np.ndarray:
 
 
 def cycles(measurement: Measurement) -> np.ndarray:
-    """Numbers `(n,)` of the cycles, from 0 for each axis of an interferometer.
+    """Numbers `(n,)` of the cycles, from 0 for each axis that is observed by itself, else for all rows.
 
     These are its runs; where an axis has one run, a cycle ends before a position recurs in the same direction.
-    Of other instruments all rows are on one axis.
     """
-    axis = np.zeros(len(measurement), int) if measurement.axis is None else _numbered(measurement.axis)
     found = np.zeros(len(measurement), int)
-    for number in range(axis.max(initial=-1) + 1):
-        rows = np.flatnonzero(axis == number)
+    for rows in measurement.axis_rows.values() or [np.arange(len(measurement))]:
         run = np.zeros(len(rows), int) if measurement.run is None else _numbered(measurement.run[rows])
         found[rows] = run if run.max() else _recurring(measurement.rows(rows))
     return found
@@ -61,13 +58,13 @@ def cycles(measurement: Measurement) -> np.ndarray:
 def held_out_blocks(measurement: Measurement) -> tuple[np.ndarray, str]:
     """Labels `(n,)` of the blocks of rows to be held out of a fit, -1 for rows of none; and their name, plural.
 
-    Cycles for an interferometer with two or more, else sets of positions. For other instruments lines, where the
-    others cover their axes, and regions of the other positions, each with all visits. Lines are grouped where there are
-    more than MOST_BLOCKS.
+    Where axes are observed by themselves, cycles, if each axis has two or more, else sets of positions. Elsewhere
+    lines, where the others cover their axes, and regions of the other positions, each with all visits. Lines are
+    grouped where there are more than MOST_BLOCKS.
     """
-    if measurement.axis is not None:
-        cycle, axis = cycles(measurement), _numbered(measurement.axis)
-        fewest = min(cycle[axis == number].max() + 1 for number in range(axis.max() + 1))
+    if of_axes := measurement.axis_rows.values():
+        cycle = cycles(measurement)
+        fewest = min(cycle[rows].max() + 1 for rows in of_axes)
         if fewest >= LEAST_CYCLES:
             return cycle % MOST_BLOCKS, "cycles"
         return _sets_of_positions(measurement), "sets of positions"
@@ -239,10 +236,8 @@ def _directions(measurement: Measurement) -> Array:
 
 def _sets_of_positions(measurement: Measurement) -> np.ndarray:
     """Labels `(n,)` along each measured axis: every eighth position, or every eighth stretch of many positions."""
-    assert measurement.axis is not None
     labels = np.zeros(len(measurement), int)
-    for name in np.unique(measurement.axis).tolist():
-        rows = np.flatnonzero(measurement.axis == name)
+    for name, rows in measurement.axis_rows.items():
         position = np.round(measurement.positions_in_tolerances[rows, measurement.machine.index(name)])
         number = np.unique(position, return_inverse=True)[1].reshape(-1)
         distinct = number.max() + 1

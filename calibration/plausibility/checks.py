@@ -173,7 +173,7 @@ def _recording(measurement: Measurement) -> list[Finding]:
 
 def _files(measurement: Measurement) -> list[Measurement]:
     """The rows of each of several files with enough of them: a mistake may be in one file alone. None for one file."""
-    if measurement.file is None or measurement.axis is not None:
+    if measurement.file is None or measurement.axis_rows:
         return []
     names, counts = np.unique(measurement.file, return_counts=True)
     own = [name for name, count in zip(names.tolist(), counts.tolist(), strict=True) if count >= LEAST_ROWS_OF_RELATION]
@@ -223,10 +223,9 @@ def _small_volume(measurement: Measurement) -> Iterator[Finding]:
 
 def _readings(measurement: Measurement) -> Iterator[Finding]:
     """Deviations of an interferometer that grow with the travel more than those of any axis."""
-    assert measurement.axis is not None
     machine = measurement.machine
-    for name in np.unique(measurement.axis).tolist():
-        rows = np.flatnonzero((measurement.axis == name) & measurement.positioning)
+    for name, of_axis in measurement.axis_rows.items():
+        rows = of_axis[measurement.positioning[of_axis]]
         if not len(rows):
             continue
         part, i = measurement.rows(rows), machine.index(name)
@@ -288,11 +287,9 @@ def _by_run(measurement: Measurement) -> Array | None:
     if len(names) < 3 or shared.sum() < LEAST_COMMON_STATES:
         return None
     cells = np.asarray(sums[shared] / count[shared][:, :, None])
-    if measurement.axis is not None:
-        axis = np.empty(shape[0], measurement.axis.dtype)
-        axis[numbers] = measurement.axis
-        for name in np.unique(axis[shared]).tolist():
-            cells[axis[shared] == name] -= cells[axis[shared] == name].mean(axis=0)
+    for rows in measurement.axis_rows.values():
+        if (own := np.isin(np.flatnonzero(shared), numbers[rows])).any():
+            cells[own] -= cells[own].mean(axis=0)
     return cells
 
 

@@ -18,7 +18,7 @@ def position_numbers(measurement: Measurement) -> np.ndarray:
         columns.append(state.approach)
     if measurement.feed is not None:
         columns.append(measurement.feed[:, None])
-    for names in (measurement.target_number, state.station, measurement.axis, measurement.component):
+    for names in (measurement.target_number, state.station, measurement.axis_column, measurement.motions):
         if names is not None:
             columns.append(np.unique(names, return_inverse=True)[1][:, None].astype(float))
     _, number = np.unique(np.concatenate(columns, axis=1), axis=0, return_inverse=True)

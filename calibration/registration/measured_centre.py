@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.registration.observed_points import derivatives_by_errors
-from kinematics.error_transform import error_transform_with_tool
 from kinematics.transforms import Array
 
 if TYPE_CHECKING:
@@ -28,13 +27,9 @@ def arms_of(measurement: Measurement) -> Mapping[str, Array]:
     few = measurement.rows(
         np.unique(np.linspace(0, len(measurement) - 1, min(len(measurement), MOST_ROWS_OF_CENTRE)).astype(int))
     )
-    machine, state = few.machine, few.state
-    if few.instrument.OBSERVES == "deviation":
-        transform = error_transform_with_tool(machine, state.positions, few.tool)[:, :3]
-    else:
-        transform = derivatives_by_errors(few, few.tool)
+    transform = derivatives_by_errors(few, few.tool)
     found = {}
-    for i, axis in enumerate(machine.axes):
+    for i, axis in enumerate(few.machine.axes):
         shifts, turns = transform[:, :, 6 * i : 6 * i + 3], transform[:, :, 6 * i + 3 : 6 * i + 6]
         seen = shifts.any(axis=(1, 2))
         if not axis.rotary and seen.any():

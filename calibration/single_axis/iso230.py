@@ -327,18 +327,17 @@ class AxisTest(Shown):
 
 def evaluate(measurement: Measurement) -> tuple[AxisTest, ...]:
     """The tests of all axes in interferometer data, in the order of the machine's axes; UserError for other data."""
-    if measurement.instrument.OBSERVES != "deviation" or measurement.axis is None:
+    if not measurement.axis_rows:
         raise UserError(f"{measurement.source}: ISO 230-2 needs data of an interferometer (axis by axis)")
     measurement = measurement.rows(np.flatnonzero(measurement.positioning))
     if not len(measurement):
         raise UserError(f"{measurement.source}: ISO 230-2 needs positioning deviations, and the data contain none")
-    assert measurement.axis is not None
-    return tuple(_axis_test(measurement, name) for name in measurement.machine.names if name in measurement.axis)
+    return tuple(_axis_test(measurement, name) for name in measurement.machine.names if name in measurement.axis_rows)
 
 
 def _axis_test(measurement: Measurement, name: str) -> AxisTest:
     machine, instrument = measurement.machine, cast(Interferometer, measurement.instrument)
-    rows = np.flatnonzero(measurement.axis == name)
+    rows = measurement.axis_rows[name]
     column = machine.index(name)
     axis = machine.axes[column]
     approach = measurement.state.need("approach", f"ISO 230-2 of {name}")[rows, column]

@@ -61,9 +61,8 @@ def by_direction(structure: Structure) -> dict[str, float]:
     """RMS residual, um or urad, of the rows that are not left out: in x, y, z, or of an interferometer by axis."""
     measurement = structure.data.observations.measurement
     inside = ~structure.noise.left_out
-    micro = in_micro(structure, in_units(structure, structure.left))[inside]
-    if measurement.axis is None:
-        names = "xyz" if measurement.components > 1 else (measurement.instrument.OBSERVES,)
-        return dict(zip(names, np.sqrt(np.mean(micro**2, axis=0)).tolist(), strict=False))
-    names = measurement.axis[inside]
-    return {name: float(np.sqrt(np.mean(micro[names == name] ** 2))) for name in np.unique(names).tolist()}
+    squares = in_micro(structure, in_units(structure, structure.left)) ** 2
+    parts = measurement.instrument.PARTS
+    of_parts = dict(zip(parts, np.sqrt(np.mean(squares[inside], axis=0)).tolist(), strict=False))
+    used = {name: rows[inside[rows]] for name, rows in measurement.axis_rows.items()}
+    return of_parts | {name: float(np.sqrt(np.mean(squares[rows]))) for name, rows in used.items() if len(rows)}

@@ -14,7 +14,6 @@ from typing import Any, cast, get_args
 import msgspec
 import numpy as np
 
-from calibration.instruments.along_axes import observed_components
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log
 from calibration.observation.mean_lines import point_of
@@ -95,7 +94,7 @@ def causes(measurement: Measurement) -> Iterator[Effect]:
     for axis in measurement.moving:
         yield from _of_drive(measurement, axis)
     yield from _thermal(measurement)
-    if measurement.axis is None:
+    if not measurement.axis_rows:
         yield from _crossed(measurement)
         yield from _loads(measurement)
         if measurement.instrument.CLOCK_OF_MACHINE:
@@ -136,7 +135,7 @@ def jumps(measurement: Measurement) -> Iterator[Effect]:
                 yield TargetOffset(target=name, offset_um=(0.0, 0.0, 0.0), since_s=start)
     for axis in measurement.moving:
         yield LocationJump(own_component(axis), axis, 0.0, start)
-        if measurement.axis is None:
+        if not measurement.axis_rows:
             for component in _lateral(axis, "XYZ" if axis[0] in "ABC" else "ABC"):
                 yield LocationJump(component, axis, 0.0, start)
 
@@ -185,10 +184,10 @@ def _of_drive(measurement: Measurement, axis: str) -> Iterator[Effect]:
     if axis[0] in "ABC" or not given(measurement.state, "approach"):
         return
     yield Backlash(axis=axis, width=0.0, windup=0.0)
-    if measurement.axis is None:  # for an interferometer a shape is proposed
+    if not measurement.axis_rows:  # elsewhere a shape is proposed: see `reversals`
         basis = Legendre(measurement.moving[axis], REVERSAL_DEGREE)
         yield Reversal(own, axis, basis, (0.0,) * (REVERSAL_DEGREE + 1))
-    seen = get_args(Component) if measurement.axis is None else observed_components(measurement, axis)
+    seen = measurement.errors_shown[axis].motions
     yield from (LateralPlay(component, axis, 0.0) for component in seen if component != own)
     ways = way_since_reversal(measurement.machine, measurement.state, axis, "a hysteresis")
     ways = ways[np.isfinite(ways) & (ways > 0.0)]
@@ -212,10 +211,8 @@ def _thermal(measurement: Measurement) -> Iterator[Effect]:
     courses += [{"amplitudes": (0.0,), "time_constants_s": (max(share * span, 1.0),)} for share in TIME_CONSTANTS]
     courses = courses if of_machine else []
     linear = [axis for axis in measurement.moving if axis[0] not in "ABC"]
-    along = {own_component(axis) for axis in measurement.moving}
-    if measurement.component is not None:
-        along |= {cast(Component, str(letter)) for letter in np.unique(measurement.component) if letter}
-    components = [c for c in get_args(Component) if measurement.axis is None or c in along]
+    seen = {component for shown in measurement.errors_shown.values() for component in shown.motions}
+    components = [component for component in get_args(Component) if component in seen]
     turning = _turning(measurement)
     for course in courses:
         for component in components:
@@ -254,7 +251,7 @@ def _turning(measurement: Measurement) -> list[Direction]:
     Elsewhere a drift of the workpiece along them is one of the tool.
     """
     on_table = any(target.carrier == "table" for target in measurement.targets.values())
-    if measurement.axis is not None or (measurement.stands_on == "bed" and not on_table):
+    if measurement.axis_rows or (measurement.stands_on == "bed" and not on_table):
         return []
     turned = np.ptp(forward(measurement.machine, measurement.state.positions).rotation, axis=0)
     return [letter for letter, row in zip(get_args(Direction), turned, strict=True) if row.max() > SIDES_DIFFER_RAD]

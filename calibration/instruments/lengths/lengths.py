@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from calibration.instruments.base import ErrorsShown, InstrumentBase
+from calibration.instruments.base import ErrorsShown, InstrumentBase, LeastErrors
 from calibration.instruments.lengths import reading
 from calibration.instruments.lengths.geometry import (
     RIGHT_ANGLE,
@@ -53,6 +53,8 @@ if TYPE_CHECKING:
 
 SCALE_U, SQUARE_U = "u_scale_um_per_m", "u_square_urad"
 """Header keys of the uncertainties of the ruler's scale and of the square's angle."""
+ANY_SLOPE_UM_PER_MM, ANY_BACKLASH_UM = 100.0, 1000.0
+"""Slopes, um/mm, and backlash, um, of a router or printer of which nothing is known: ten times what users report."""
 ANY_SCALE = 1000.0
 """Standard uncertainty of the scale of a ruler without a statement, um/m: a steel tape of class II by the European
 directive on measuring instruments is within 0.3 mm + 0.2 mm/m, one of paper or cloth within some mm/m."""
@@ -70,6 +72,7 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
     """A ruler or calipers, and a dial gauge."""
 
     OBSERVES = "length"
+    PARTS = ("length",)
     OBSERVED = (reading.OBSERVED,)
     OPTIONAL = (reading.SCATTER,)
     HEADER_KEYS = (SCALE_U, SQUARE_U)
@@ -95,6 +98,11 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
     def typical(cls) -> Lengths:
         """See `InstrumentBase.typical`."""
         return cls(u_um=200.0, u_gauge_um=10.0, scale_um_per_m=200.0, square_urad=100.0)
+
+    @property
+    def least_errors(self) -> LeastErrors:
+        """Slopes and backlash: lengths come from machines of which nothing is known."""
+        return LeastErrors(slope_um_per_mm=ANY_SLOPE_UM_PER_MM, backlash_um=ANY_BACKLASH_UM)
 
     @property
     def knows_scale(self) -> bool:
@@ -194,6 +202,12 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
             zeros[name] = float(off[mine & trusted if (mine & trusted).any() else mine].mean())
         beside = dict.fromkeys(parameters_beside(measurement), 0.0)
         return Registration(zeros=zeros | beside, slopes=dict.fromkeys(slopes_of(measurement), 0.0))
+
+    def nominally_observed(
+        self, measurement: Measurement, registration: Registration
+    ) -> tuple[Measurement, Registration]:
+        """See `InstrumentBase.nominally_observed`."""
+        return replace(measurement, observed=nominal_offsets(measurement)[:, None]), registration
 
     def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
         """See `InstrumentBase.expected`; NaN for groups whose zero is missing in the registration."""

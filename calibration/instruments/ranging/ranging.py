@@ -51,6 +51,7 @@ class Ranging(OfDistances, frozen=True, tag="ranging"):
     """An interferometer that follows a target (LaserTRACER), or an absolute distance meter: ranges without angles."""
 
     OBSERVES = "range"
+    PARTS = ("range",)
     OBSERVED = (RANGE,)
     OPTIONAL = AIR[1:]
     HEADER_KEYS = ("stands_on", DEAD_U, INDEX, WAVELENGTH)

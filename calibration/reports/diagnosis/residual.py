@@ -49,10 +49,11 @@ def residual_sections(answer: Diagnosis) -> Iterator[Section]:
     rows.append((f"the same rows, {other}", "", "", "", f"{answer.held_out.nothing:.2f}"))
     rows.append(("expected of noise alone", f"{answer.noise_um:.2f}", "", "", ""))
     table = Table((f"residual, {unit}", "RMS", "max", "chi2/dof", "held out, RMS"), rows)
+    of_points = OF_POINTS if len(answer.measurement.instrument.PARTS) > 1 else ""
     text = (
-        f"{OBSERVED}{OF_POINTS if answer.measurement.axis is None else ''}. Max is the largest length; chi2/dof is by "
-        "the instrument specification. Before is the model without the causes, after with them. Held-out residuals are "
-        "those of blocks of rows, each predicted from all others."
+        f"{OBSERVED}{of_points}. Max is the largest length; chi2/dof is by the instrument specification. Before is the "
+        "model without the causes, after with them. Held-out residuals are those of blocks of rows, each predicted "
+        "from all others."
     )
     yield Section("Residual before and after", text, table, partial(before_and_after, answer))
     before, after = by_direction(answer.bare), by_direction(answer.structure)
