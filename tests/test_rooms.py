@@ -30,10 +30,10 @@ TESTS_OF_CLASSES = {
 """Number of tests by file. Add none: put a fact on the class, as those of `kinematics/effects/base.py`."""
 
 
-TESTS_OF_INSTRUMENTS = {
-    "calibration/on_the_fly/readings.py": 1,
-}
+TESTS_OF_INSTRUMENTS: dict[str, int] = {}
 """Number of tests of the class of an instrument by file. Add none: put a fact on `calibration/instruments/base.py`."""
+ROOM_THAT_ASKS_FOR_KINDS = "calibration/fit"
+"""The only room that asks an instrument what it observes; `test_rooms_ask_an_instrument_for_facts` has the others."""
 
 
 def below(base: type) -> Iterator[type]:
@@ -114,3 +114,32 @@ def test_a_fact_of_an_effect_stands_on_its_class():
 def test_a_fact_of_an_instrument_stands_on_its_class():
     changed = changed_counts(INSTRUMENTS, "calibration/instruments", TESTS_OF_INSTRUMENTS)
     assert changed == {}, "put a fact on the class of the instrument; lower the number where there are fewer"
+
+
+def kinds_asked(code: str) -> int:
+    """Number of questions in code after the kind of an instrument: what it observes, and whether rows have an axis."""
+    nodes = list(ast.walk(ast.parse(code)))
+    observed = [node for node in nodes if isinstance(node, ast.Attribute) and node.attr == "OBSERVES"]
+    empty = [
+        node
+        for node in nodes
+        if isinstance(node, ast.Compare)
+        and isinstance(node.left, ast.Attribute)
+        and node.left.attr in ("axis", "component")
+        and names_in(node.left.value) & {"measurement", "m"}
+    ]
+    return len(observed) + len(empty)
+
+
+def test_rooms_ask_an_instrument_for_facts():
+    assert (
+        kinds_asked("if measurement.axis is None or m.instrument.OBSERVES == 'range' or effect.axis is None: ...") == 2
+    )
+    rooms = (ROOT / "calibration/instruments", ROOT / ROOM_THAT_ASKS_FOR_KINDS)
+    found = {}
+    for path in sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py")):
+        if not any(path.is_relative_to(room) for room in rooms):
+            found[path.relative_to(ROOT).as_posix()] = kinds_asked(path.read_text(encoding="utf-8"))
+    asking = {file: number for file, number in found.items() if number}
+    # the files of one measurement have the error motions of its rows, or none
+    assert asking == {"calibration/measurement/joining.py": 1}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.instruments import Ballbar
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.misfit import misfit
 from kinematics.transforms import Array
@@ -37,10 +38,10 @@ class Circle:
     """Angles of the tool ball `(n,)` in the plane, rad."""
 
 
-def need_ballbar(measurement: Measurement) -> None:
-    """UserError for the measurement of another instrument."""
-    if measurement.instrument.OBSERVES != "distance":
-        raise UserError(f"{measurement.source}: circles need the measurement of a ballbar (# instrument: ballbar)")
+def ballbar_of(measurement: Measurement) -> Ballbar:
+    """The ballbar of a measurement; UserError for another instrument."""
+    refusal = f"{measurement.source}: circles need the measurement of a ballbar (# instrument: ballbar)"
+    return Ballbar.expect(measurement.instrument, refusal)
 
 
 def one_way_planes(circles: Sequence[Circle]) -> list[str]:
@@ -56,7 +57,7 @@ def circles_of(measurement: Measurement) -> list[Circle]:
 
     UserError for a run with few rows.
     """
-    need_ballbar(measurement)
+    ballbar_of(measurement)
     assert measurement.run is not None
     assert measurement.feed is not None
     residual, registration = misfit(measurement)

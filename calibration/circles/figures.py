@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.circles.circles import Circle
+from calibration.circles.circles import Circle, ballbar_of
 from calibration.instruments import Ballbar
 from calibration.instruments.ballbar import LENGTH_ERROR
 from calibration.measurement.measurement import Measurement
@@ -58,8 +58,7 @@ def circular_tests(measurement: Measurement, circles: Sequence[Circle]) -> list[
 
 
 def _test(measurement: Measurement, plane: str, feed: float, circles: tuple[Circle, ...]) -> CircularTest:
-    instrument = measurement.instrument
-    assert instrument.OBSERVES == "distance"
+    instrument = ballbar_of(measurement)
     residual, registration = misfit(measurement)
     # deviations from the nominal radius about the common centre; the error of the bar's length is in them
     off = [1e3 * (residual[each.rows, 0] + registration.zeros[LENGTH_ERROR]) for each in circles]

@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from calibration.circles.circles import Circle
+from calibration.circles.circles import Circle, ballbar_of
 from calibration.diagnosis.forms import made_of, plain
 from calibration.diagnosis.prior_odds import with_log_prior
 from calibration.gaussian_terms.geometry import prior_sizes
@@ -268,8 +268,7 @@ def feeds_of(measurement: Measurement) -> list[float]:
 
 def radius_mm(measurement: Measurement) -> float:
     """Radius of the circles, mm: the length of the bar."""
-    assert measurement.instrument.OBSERVES == "distance"
-    return measurement.instrument.length_mm
+    return ballbar_of(measurement).length_mm
 
 
 def time_of(measurement: Measurement, feed: float, way: float) -> float:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.instruments import Instrument
+from calibration.instruments.of_points import centred_pose
 from calibration.measurement.measurement import Distance, Measurement
 from calibration.measurement.plan import Plan
 from calibration.observation.reach import Reach, in_reach
@@ -66,15 +67,17 @@ def laid_out(
     if temperatures:
         state = with_temperatures(state, temperatures)
     repeat = len(state) // len(plan)
-    axis = np.tile(plan.axis, repeat) if instrument.OBSERVES == "deviation" and plan.axis is not None else None
     run, rows, notes = np.tile(plan.run, repeat), np.arange(len(state)), plan.notes
     if stations and poses is not None and reach is not None:
         rows, out_of_reach = _in_reach(plan, instrument, state, poses, reach)
         notes = (*notes, *out_of_reach)
-    model = no_errors(plan.machine)
+    # rows out of reach cost no time
+    minutes = plan.minutes * repeat * (len(rows) / len(state))
+    readings = instrument.readings_in(plan.machine, plan.axis, rows % len(plan))
+    rows = rows[readings.rows]
     nominal = observe(
-        plan.machine, model, state.rows(rows), instrument, np.random.default_rng(0), poses, plan.targets,
-        axis=None if axis is None else axis[rows], run=run[rows], noise_scale=0.0,
+        plan.machine, no_errors(plan.machine), state.rows(rows), instrument, np.random.default_rng(0), poses,
+        plan.targets, axis=readings.axis, run=run[rows], component=readings.component, noise_scale=0.0,
     )  # fmt: skip
     stated = plan.spheres or (stations if plan.stations else {})
     nominal = replace(nominal, source=plan.strategy, spheres=stated, distances=tuple(distances))
@@ -84,8 +87,6 @@ def laid_out(
     ):
         raise UserError(f"a target comes closer than {NEAREST_TARGET_MM:g} mm to the tracker: move the tracker")
     registration = nominal.instrument.first_registration(nominal, np.ones(len(nominal), bool))
-    # rows out of reach cost no time
-    minutes = plan.minutes * repeat * (len(rows) / len(state))
     return Setup(nominal, registration, poses, *_weights(nominal, weighting), minutes, tuple(notes))
 
 
@@ -105,9 +106,7 @@ def _poses(plan: Plan, instrument: Instrument, stations: Mapping[str, Vector]) -
         raise UserError(
             f"a position of a tracker is not allowed in a measurement by {type(instrument).__name__.lower()}"
         )
-    if instrument.OBSERVES == "offset":
-        return {name: Pose(np.eye(3)[None], -np.array([centre])) for name, centre in plan.spheres.items()}
-    return None
+    return {name: centred_pose(centre) for name, centre in plan.spheres.items()} or None
 
 
 def _in_reach(

@@ -100,12 +100,9 @@ def _refuse_few(observations: Observations) -> None:
         positions = math.ceil(unknown / (1.0 - SPARE_SHARE) / observations.components)
         advice = f"measure about {positions} positions or more, spread over the travel"
         stations = len(np.unique(measurement.groups))
-        if measurement.instrument.MAY_BE_FEW:
-            advice = "a search for causes needs many readings: 'ncomp fit' takes few"
-        elif measurement.axis is not None:
-            advice = "repeat the runs, or measure more positions"
-        elif stations > 1 and known < registered + len(moving):
+        if stations > 1 and known < registered + len(moving):
             advice = f"measure more positions from each of the {stations} set-ups of the instrument"
+        advice = measurement.instrument.IF_TOO_FEW or advice
         raise UserError(
             f"{measurement.source}: {len(measurement)} rows ({measurement.observed.size} observations) are too few for "
             f"{unknown} parameters at least: {registered} of the registration, {of_motions} of the error motions of "

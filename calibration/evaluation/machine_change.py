@@ -102,7 +102,7 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
 
 def directions_seen(measurement: Measurement) -> int:
     """Number of the directions x, y, z in which the instrument observes the tool: of a part in a plane two."""
-    return 2 if measurement.instrument.components == 2 else 3
+    return 2 if measurement.instrument.planar else 3
 
 
 def _seen(columns: Array, directions: int) -> Array:

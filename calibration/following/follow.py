@@ -15,6 +15,7 @@ from calibration.following.followed import Followed, Implausible
 from calibration.following.parameters import Touches, touches_of
 from calibration.following.terms import Follows, Structure
 from calibration.following.walk import Sizes
+from calibration.instruments import TouchProbe
 from calibration.plausibility.mistakes import FALLS, PLAUSIBLE, UNITS, explained
 from kinematics.effects.base import UM
 from kinematics.files.number_text import odds_by_log
@@ -135,9 +136,9 @@ def _pruned(structure: Structure) -> Structure:
 def _check(measurement: Measurement) -> None:
     """UserError for a log without times, with times that go back, or with too few readings."""
     source, time = measurement.source, measurement.state.time
-    if measurement.instrument.OBSERVES != "offset":
-        kind = measurement.instrument.kind()
-        raise UserError(f"{source}: a log of touches is a measurement by a touch-probe, not by {kind}")
+    kind = measurement.instrument.kind()
+    refusal = f"{source}: a log of touches is a measurement by a touch-probe, not by {kind}"
+    TouchProbe.expect(measurement.instrument, refusal)
     if time is None:
         raise UserError(f"{source}: a drift needs times: add the column time (2026-11-30 09:12:05) or time_s")
     if np.any(np.diff(time) < 0.0):

@@ -6,20 +6,22 @@ Values are exact; derivatives are those at nominal positions, first order in the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, ClassVar, get_args
 
 import numpy as np
 
-from calibration.instruments.base import ErrorsShown, InstrumentBase
+from calibration.instruments.base import ErrorsShown, InstrumentBase, PlannedReadings
 from calibration.registration.derived import derived
 from calibration.registration.registration import Registration
 from kinematics.deviation import exact_deviation
 from kinematics.effects.base import COMPONENTS, UM, URAD, Component, own_component
 from kinematics.error_transform import error_transform_with_tool, pose_slopes
 from kinematics.forward import axis_frames
+from kinematics.machine import Machine
 from kinematics.transforms import Array, turn
 from kinematics.user_error import UserError
 
@@ -39,6 +41,8 @@ class AlongAxes(InstrumentBase, frozen=True):
     OBSERVES = "deviation"
     FOLLOWED_UP = True
     REQUIRED = ("axis", "run", "direction")
+    IF_TOO_FEW = "repeat the runs, or measure more positions"
+    CHECKS: ClassVar[tuple[str, ...]] = ("deviations",)
 
     def errors_shown(self, measurement: Measurement, axis: str) -> ErrorsShown:
         """The error motions that were observed, and the backlash."""
@@ -104,6 +108,22 @@ class AlongAxes(InstrumentBase, frozen=True):
         """UserError for a plan without an axis and a run in each row."""
         if axis is None or run is None:
             raise UserError(f"{cls.a_kind()} measures one axis at a time, in runs: it needs strategy axes")
+
+    def readings_in(
+        self, machine: Machine, axis: np.ndarray | None, rows: np.ndarray, wanted: Sequence[str] = ()
+    ) -> PlannedReadings:
+        """One or more readings in each row; none of a plan without axes, which `check_plan` refuses."""
+        if axis is None:
+            return super().readings_in(machine, axis, rows, wanted)
+        own = axis[rows]
+        taken, component = self.motions_in(machine, own, wanted)
+        return PlannedReadings(taken, own[taken], component)
+
+    @abstractmethod
+    def motions_in(
+        self, machine: Machine, axis: np.ndarray, wanted: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Rows `(m,)`, once for each reading, of axes `(n,)`, and the error motion of each, None for its own."""
 
     def drawn_registration(
         self, blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.random.Generator

@@ -55,6 +55,8 @@ class Ballbar(OfDistances, frozen=True, tag="ballbar"):
     OBSERVED = (RADIUS,)
     HEADER_KEYS = (CENTRE, LENGTH, LENGTH_U)
     RECOGNISED_BY = LENGTH
+    CHECKS = ("circles",)
+    ON_CIRCLES = True
 
     u_um: float = 0.0
     """Standard uncertainty of a reading, um."""

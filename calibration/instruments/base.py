@@ -47,6 +47,17 @@ class LeastErrors(NamedTuple):
     backlash_um: float = 0.0
 
 
+class PlannedReadings(NamedTuple):
+    """The readings in some rows of a plan."""
+
+    rows: np.ndarray
+    """Number `(m,)` among these rows of that of each reading."""
+    axis: np.ndarray | None = None
+    """Name `(m,)` of the axis that is observed by itself."""
+    component: np.ndarray | None = None
+    """Error motion `(m,)` of each reading; None where all are those of the axes along themselves."""
+
+
 class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of all instruments. The class holds the facts of the kind, an object the uncertainties of one instrument."""
 
@@ -71,6 +82,26 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     """True where a set-up, or a target, may be knocked between two rows."""
     FOLLOWED_UP: ClassVar[bool] = False
     """True where a diagnosis proposes further rows by the same instrument."""
+    COORDINATES: ClassVar[bool] = False
+    """True where an observation has the coordinates of a point: their frame may be mirrored, their unit another."""
+    FINDS_CENTRES: ClassVar[bool] = False
+    """True where the machine goes to where the instrument is at the centre of a sphere, wherever this sphere is.
+
+    Its positions are the finding, and observations are what is left: they may all be zero.
+    """
+    ON_CIRCLES: ClassVar[bool] = False
+    """True where it observes the machine on circles: a lag of all axes alike lies along them, and is not seen."""
+    IF_TOO_FEW: ClassVar[str] = ""
+    """What to do where its rows are too few for a diagnosis; empty where more positions are needed."""
+    ZERO_BY_BEAM: ClassVar[bool] = False
+    """True where each break of the beam gives its readings a new zero."""
+    CHECKS: ClassVar[tuple[str, ...]] = ()
+    """Names of the checks of its recordings (`calibration/plausibility/checks.py`).
+
+    Each is made if those before it find nothing.
+    """
+    DOUBTS: ClassVar[tuple[str, ...]] = ()
+    """Names of those that are made where no mistake was found with which the data cannot be used."""
     NEVER_SEEN: ClassVar[str] = ""
     """Sentence on the errors that its observations never show, for every fit; empty where others say it."""
     GROWS_ALONG_RUN: ClassVar[bool] = False
@@ -113,6 +144,13 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     def a_kind(cls) -> str:
         """Kind of the instrument with its article, for messages: `an interferometer`."""
         return f"{'an' if cls.kind()[0] in 'aeiou' else 'a'} {cls.kind()}"
+
+    @classmethod
+    def expect(cls, instrument: InstrumentBase, refusal: str = "") -> Self:
+        """An instrument as one of this kind, for what only this kind has; UserError with `refusal` for another."""
+        if not isinstance(instrument, cls):
+            raise UserError(refusal or f"{instrument.a_kind()} is given, but this needs {cls.a_kind()}")
+        return instrument
 
     @classmethod
     def uncertainty_keys(cls) -> list[str]:
@@ -207,6 +245,16 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
         yield from ()
 
     @property
+    def planar(self) -> bool:
+        """True where it observes points in x and y only."""
+        return False
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """Moves by which the pose of a set-up is unknown; empty where its observations have no pose."""
+        return ()
+
+    @property
     def least_errors(self) -> LeastErrors:
         """Least sizes of errors, where its observations leave some to the prior."""
         return LeastErrors()
@@ -281,13 +329,14 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
         """UserError for a plan that it cannot measure; `axis` and `run` `(n,)`: names, where the plan has them."""
 
     def readings_in(
-        self, machine: Machine, axis: np.ndarray, wanted: Sequence[str]
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Rows `(m,)` of a plan of single axes, once for each reading, and the error motion of each, None for its own.
+        self, machine: Machine, axis: np.ndarray | None, rows: np.ndarray, wanted: Sequence[str] = ()
+    ) -> PlannedReadings:
+        """Its readings in rows `(k,)` of a plan.
 
-        `axis` `(n,)`: names of the axes; `wanted`: letters of the error motions of linear axes, where these are chosen.
+        `axis` `(n,)`: names of the axes in a plan of single axes; `wanted`: letters of the error motions of linear
+        axes, where these are chosen.
         """
-        return np.arange(len(axis)), None
+        return PlannedReadings(np.arange(len(rows)))
 
     def planned(self, state: State) -> tuple[State, np.ndarray | None]:
         """The states of a plan as it observes them, and what the rows are `(n,)` where that differs from their run."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from calibration.instruments.along_axes import AlongAxes
-from calibration.instruments.axis_columns import by_kind
+from calibration.instruments.axis_columns import axis_columns, by_kind
 from calibration.instruments.error_columns import spread
 from calibration.instruments.exact_numbers import in_units, only
 from kinematics.effects.base import UM, URAD, own_component
@@ -62,8 +62,7 @@ class Interferometer(AlongAxes, frozen=True, tag="interferometer"):
     @classmethod
     def read_observed(cls, table: Table, machine: Machine, states: MeasurementStates) -> Array:
         """Deviations `(n, 1)`, mm; rad for angles."""
-        assert states.axis is not None
-        rotary = np.isin(states.axis, [axis.name for axis in machine.axes if axis.rotary])
+        rotary = machine.rotary[axis_columns(table, machine)]
         angular = None if states.component is None else rotary | np.isin(states.component, ANGULAR)
         sizes = np.where(rotary if angular is None else angular, URAD, UM)
         return np.asarray((by_kind(table, machine, "deviation_um", "deviation_urad", angular) * sizes)[:, None])
@@ -73,7 +72,7 @@ class Interferometer(AlongAxes, frozen=True, tag="interferometer"):
         """See `InstrumentBase.typical`."""
         return cls(u_um=0.2, u_um_per_m=0.5, u_straightness_um=0.5, u_angle_urad=1.0)
 
-    def readings_in(
+    def motions_in(
         self, machine: Machine, axis: np.ndarray, wanted: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Rows of linear axes once for each wanted error motion; without any, the positioning deviation."""
@@ -85,9 +84,9 @@ class Interferometer(AlongAxes, frozen=True, tag="interferometer"):
 
     def check_rows(self, table: Table, states: MeasurementStates) -> None:
         """UserError for observed error motions without a given uncertainty."""
-        if states.component is None or states.axis is None:
+        if states.component is None:
             return
-        own = np.array([own_component(name) for name in states.axis.tolist()])
+        own = np.array([own_component(name) for name in table.texts(["axis"])["axis"].tolist()])
         positioning = (states.component == "") | (states.component == own)
         angular = np.isin(states.component, ANGULAR)
         for rows, u, key, quantity in (
@@ -123,10 +122,9 @@ class Interferometer(AlongAxes, frozen=True, tag="interferometer"):
     def observed_columns(self, measurement: Measurement) -> dict[str, np.ndarray]:
         """Axis, target and deviation; linear and rotary axes have columns of their own, empty in the other rows."""
         machine, state = measurement.machine, measurement.state
-        assert measurement.axis is not None
-        assert state.approach is not None
         own = np.arange(len(measurement)), measurement.axis_column
-        columns = {"axis": measurement.axis, "direction": state.approach[own].astype(int)}
+        approach = state.need("approach", "an interferometer")[own]
+        columns = {"axis": np.array(machine.names)[own[1]], "direction": approach.astype(int)}
         if measurement.component is not None:
             columns["component"] = measurement.component
         turns, angular = machine.rotary[own[1]], measurement.angular

@@ -28,6 +28,7 @@ class LaserTracker(OfPoints, frozen=True, tag="laser-tracker"):
 
     OBSERVES = "point"
     PARTS = ("x", "y", "z")
+    COORDINATES = True
     OBSERVED = ("x", "y", "z")
     OPTIONAL = ("scatter_um",)
     HEADER_KEYS = ("stands_on",)

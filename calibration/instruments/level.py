@@ -104,27 +104,20 @@ class Level(AlongAxes, frozen=True, tag="level"):
 
     def observed_columns(self, measurement: Measurement) -> dict[str, np.ndarray]:
         """Axis, target, pitch and roll; a row has one reading."""
-        machine, state, axis, component = (
-            measurement.machine,
-            measurement.state,
-            measurement.axis,
-            measurement.component,
-        )
-        assert axis is not None
-        assert component is not None
-        assert state.approach is not None
+        machine, state = measurement.machine, measurement.state
         own = np.arange(len(measurement)), measurement.axis_column
-        columns = {"axis": axis, "direction": state.approach[own].astype(int)}
+        axis, approach = np.array(machine.names)[own[1]], state.need("approach", "a level")[own]
+        columns = {"axis": axis, "direction": approach.astype(int)}
         columns["target_mm"] = in_units(state.positions[own], 1.0)
         readings = in_units(measurement.observed[:, 0] * _side(machine, own[1]), URAD)
         letters = {name: pitch_and_roll(name, self.vertical) for name in np.unique(axis).tolist()}
         for k, name in enumerate((PITCH, ROLL)):
-            rows = component == np.array([letters[each][k] for each in axis.tolist()])
+            rows = measurement.motions == np.array([letters[each][k] for each in axis.tolist()])
             if rows.any():
                 columns[f"{name}_urad"] = only(rows, readings)
         return columns
 
-    def readings_in(
+    def motions_in(
         self, machine: Machine, axis: np.ndarray, wanted: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Rows of horizontal axes, once for pitch and once for roll; UserError without any."""

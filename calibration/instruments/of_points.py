@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from calibration.registration.observed_points import (
     derivatives_by_positions,
     target_points,
 )
-from calibration.registration.registration import PLANAR, RIGID, Registration, rigid
+from calibration.registration.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
 from kinematics.transforms import Array, Pose, by_turn, turn
 from kinematics.user_error import UserError
 
@@ -35,13 +35,20 @@ LINE_RMS_MM = 1.0
 class OfPoints(InstrumentBase, frozen=True):
     """Base of the instruments that observe points in a frame of their own."""
 
+    CHECKS: ClassVar[tuple[str, ...]] = ("points",)
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """All moves of a rigid body; those in the plane where only x and y are observed."""
+        return PLANAR if self.planar else RIGID
+
     def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
         """See `InstrumentBase.first_registration`.
 
         Poses come from targets on the tool where these suffice: positions of other targets are guesses.
         """
         names, groups = np.unique(measurement.groups).tolist(), measurement.groups
-        planar = measurement.instrument.components == 2
+        planar = self.planar
         points = measurement.nominal_points
         # z of a part that is measured in x and y is nominal
         observed = np.concatenate([measurement.observed, points[:, measurement.instrument.components :]], axis=1)
@@ -54,7 +61,7 @@ class OfPoints(InstrumentBase, frozen=True):
             rows = next((rows for rows in choices if planar or width(points[rows]) > LINE_RMS_MM), [*choices, mine][0])
             poses[name] = rigid(points[rows], observed[rows], planar=planar)
             centres[name] = observed[rows].mean(axis=0)
-        registration = Registration(poses, centres, PLANAR if planar else RIGID)
+        registration = Registration(poses, centres, self.moves)
         return replace(registration, targets=_first_targets(measurement, registration))
 
     def nominally_observed(
@@ -121,7 +128,7 @@ class OfPoints(InstrumentBase, frozen=True):
         missing = [group for group in groups if group not in (poses or {})]
         if poses is None or missing:
             raise UserError(f"no pose of the instrument for {', '.join(missing)}")
-        return Registration(poses, moves=PLANAR if blank.instrument.components == 2 else RIGID)
+        return Registration(poses, moves=self.moves)
 
     def aimed_at(self, blank: Measurement, registration: Registration) -> Array | None:
         """Nominal points: the influence of machine errors on the beam to them is negligible."""
@@ -142,6 +149,11 @@ class OfDistances(OfPoints, frozen=True):
 
     The centre is the origin of the instrument's frame, whose orientation has no effect.
     """
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """Those of the centre."""
+        return SHIFTS
 
     def nominally_observed(
         self, measurement: Measurement, registration: Registration

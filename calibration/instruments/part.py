@@ -28,6 +28,7 @@ class Part(OfPoints, frozen=True, tag="part"):
 
     OBSERVES = "point"
     PARTS = ("x", "y", "z")
+    COORDINATES = True
     OBSERVED = ("nominal_x", "nominal_y", "nominal_z", "x", "y", "z")
     HEADER_KEYS = ("part_offset",)
     IN_ORDER_OF_MOVES = False
@@ -39,6 +40,11 @@ class Part(OfPoints, frozen=True, tag="part"):
     """Length-dependent part of it, um per m of distance from the part's zero."""
     components: Literal[2, 3] = 3
     """Number of observed values in a row."""
+
+    @property
+    def planar(self) -> bool:
+        """True for a part without the column z."""
+        return self.components == 2
 
     @classmethod
     def in_plane(cls, planar: bool) -> dict[str, int]:
@@ -69,7 +75,7 @@ class Part(OfPoints, frozen=True, tag="part"):
         """The stated alignment, else a random one."""
         if poses is None:
             groups = np.unique(blank.groups).tolist()
-            poses = {group: _alignment(blank.instrument.components == 2, rng) for group in groups}
+            poses = {group: _alignment(self.planar, rng) for group in groups}
         return super().drawn_registration(blank, poses, rng)
 
     def row_covariances(self, measurement: Measurement) -> Array:

@@ -68,6 +68,8 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
     SET_UP = SPHERE
     MAY_BE_KNOCKED = True
     OWN_TIP = True
+    FINDS_CENTRES = True
+    DOUBTS = ("spheres", "tip")
 
     u_um: float = 0.0
     """Standard uncertainty of each coordinate of a sphere's centre, um."""
@@ -77,6 +79,11 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
     """Directions of the workpiece frame, `XY`, that a feature which is no sphere shows, by its name."""
     components: Literal[3] = 3
     """Number of observed values in a row."""
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """Those of a sphere: its orientation has no effect."""
+        return SHIFTS
 
     @property
     def least_errors(self) -> LeastErrors:

@@ -149,12 +149,12 @@ def ballbar(measurement: Measurement) -> CircularTests:
 
     UserError for the measurement of another instrument.
     """
-    from calibration.circles.circles import circles_of, need_ballbar, one_way_planes
+    from calibration.circles.circles import ballbar_of, circles_of, one_way_planes
     from calibration.circles.figures import circular_tests
     from calibration.circles.shares import shares
     from calibration.plausibility.checks import usable
 
-    need_ballbar(measurement)
+    ballbar_of(measurement)
     notes = [finding.message for finding in usable(measurement)]
     circles = circles_of(measurement)
     notes += [

@@ -20,6 +20,7 @@ from scipy import special
 
 from calibration.instruments.of_points import LINE_RMS_MM, width
 from calibration.measurement.measurement import Measurement
+from calibration.registration.registration import RIGID
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -114,7 +115,7 @@ def failed_stations(groups: np.ndarray, bad: np.ndarray) -> list[str]:
 
 def refuse_lines(measurement: Measurement) -> None:
     """UserError where a station observed points on one line only: its rotation about the line is undetermined."""
-    if measurement.instrument.components < 3 or measurement.instrument.OBSERVES == "offset":
+    if measurement.instrument.moves != RIGID:
         return
     points, groups = measurement.nominal_points, measurement.groups
     for name in np.unique(groups).tolist():

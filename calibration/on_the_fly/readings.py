@@ -84,9 +84,8 @@ class Readings:
 def read_readings(table: Table, machine: Machine) -> Readings:
     """The readings in a table; UserError with line and column for a value that cannot be used."""
     notes: list[str] = []
-    instrument = read_instrument(table)
-    if not isinstance(instrument, LaserTracker):
-        raise UserError(f"{table.source}: data taken on the fly (--path) need a laser tracker")
+    refusal = f"{table.source}: data taken on the fly (--path) need a laser tracker"
+    instrument = LaserTracker.expect(read_instrument(table), refusal)
     check_machine(table, machine, notes)
     keys = ["machine", "instrument", "stands_on", MADE_BY, *LaserTracker.uncertainty_keys()]
     note_unknown_keys(table, lambda key: key in keys, notes)

@@ -77,8 +77,8 @@ def usable(measurement: Measurement) -> list[Finding]:
 
 
 def _of_instrument(measurement: Measurement) -> Iterator[Finding]:
-    """Recording mistakes, as far as the kind of observation shows them: of the first check that finds any."""
-    each = (list(look(measurement)) for look in RECORDING[measurement.instrument.OBSERVES])
+    """Recording mistakes, as far as the instrument shows them: of the first check that finds any."""
+    each = (list(RECORDING[name](measurement)) for name in measurement.instrument.CHECKS)
     yield from next((found for found in each if found), [])
 
 
@@ -119,7 +119,7 @@ def _temperatures(measurement: Measurement) -> Iterator[Finding]:
 
 def _dead(measurement: Measurement) -> Iterator[Finding]:
     """Equal observations although the machine moves; a touch probe's are all zero where it found the centres."""
-    if measurement.instrument.OBSERVES == "offset":
+    if measurement.instrument.FINDS_CENTRES:
         return
     moved = np.ptp(measurement.state.positions, axis=0).any()
     if moved and len(measurement) >= LEAST_ROWS_OF_RELATION and not np.ptp(measurement.observed, axis=0).any():
@@ -293,15 +293,21 @@ def _by_run(measurement: Measurement) -> Array | None:
     return cells
 
 
-RECORDING: Mapping[str, Sequence[Callable[[Measurement], Iterable[Finding]]]] = {
-    "point": (gross_mistakes,),
-    "offset": (gross_mistakes,),
-    "distance": (circle_mistakes,),
-    "length": (length_mistakes,),
-    "range": (unlocated_stations, gross_mistakes, misstated_stations),
-    "deviation": (_readings,),
+def _doubts_of_instrument(measurement: Measurement) -> Iterator[Finding]:
+    yield from chain.from_iterable(RECORDING[name](measurement) for name in measurement.instrument.DOUBTS)
+
+
+RECORDING: Mapping[str, Callable[[Measurement], Iterable[Finding]]] = {
+    "points": gross_mistakes,
+    "circles": circle_mistakes,
+    "lengths": length_mistakes,
+    "places of stations": unlocated_stations,
+    "stated stations": misstated_stations,
+    "deviations": _readings,
+    "spheres": sphere_notes,
+    "tip": _noted,
 }
-"""Checks of the recording by what an instrument observes; each is made if those before it find nothing."""
+"""Checks of the recording, which instruments name."""
 MISTAKES = (
     Check(_order, on_the_fly=True),
     Check(_temperatures, on_the_fly=True),
@@ -313,8 +319,7 @@ MISTAKES = (
 """Checks that may find a mistake with which the data cannot be used."""
 NOTES = (Check(repeated_times), Check(paused), Check(_never_seen, on_the_fly=True))
 DOUBTS = (
-    Check(sphere_notes),
-    Check(_noted),
+    Check(_doubts_of_instrument),
     Check(_small_volume),
     Check(clock_lag),
     Check(_first_cycle),

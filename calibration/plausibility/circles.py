@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calibration.instruments.ballbar import LENGTH_ERROR
+from calibration.instruments.ballbar import LENGTH_ERROR, Ballbar
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import misfit
@@ -38,9 +38,7 @@ WRONG_FEED_FACTOR = 3.0
 
 def circle_mistakes(measurement: Measurement) -> Iterator[Finding]:
     """Findings for each mistake in the circles of a ballbar."""
-    bar = measurement.instrument
-    if bar.OBSERVES != "distance":
-        return
+    bar = Ballbar.expect(measurement.instrument)
     radius, length = float(np.median(measurement.observed)), bar.length_mm
     if abs(radius - length) > WRONG_LENGTH_MM:
         read = f"radius_mm reads {radius:.6g} mm in the median, but the bar is {length:g} mm long"

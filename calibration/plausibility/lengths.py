@@ -13,6 +13,7 @@ from itertools import combinations, combinations_with_replacement
 import numpy as np
 from scipy import special
 
+from calibration.instruments import Lengths
 from calibration.instruments.lengths.geometry import RULER, pairs_of
 from calibration.instruments.lengths.reading import UNNAMED
 from calibration.measurement.measurement import Measurement
@@ -83,9 +84,7 @@ class _Lengths:
 
 def length_mistakes(measurement: Measurement) -> Iterator[Finding]:
     """Findings on the lengths of a measurement, and on the scale of the ruler."""
-    ruler = measurement.instrument
-    if ruler.OBSERVES != "length":
-        return
+    ruler = Lengths.expect(measurement.instrument)
     lengths = _Lengths.of(measurement)
     wrong = list(_wrong_sizes(lengths))
     yield from (Finding("units", text, True) for text in wrong[:3])

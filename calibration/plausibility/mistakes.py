@@ -43,16 +43,8 @@ def _of_any(_: Measurement) -> bool:
     return True
 
 
-def _of_points(measurement: Measurement) -> bool:
-    return measurement.instrument.OBSERVES == "point"
-
-
-def _of_ranges(measurement: Measurement) -> bool:
-    return measurement.instrument.OBSERVES == "range"
-
-
 def _of_spheres(measurement: Measurement) -> bool:
-    return measurement.instrument.OBSERVES == "offset"
+    return measurement.instrument.FINDS_CENTRES
 
 
 def _of_single_tip(measurement: Measurement) -> bool:
@@ -80,13 +72,13 @@ UNITS = Mistake("units", recording.other_units)
 MISTAKES: Sequence[Sequence[Mistake]] = (
     (
         UNITS,
-        Mistake("mirrored", recording.mirrored_points, _of_points),
+        Mistake("mirrored", recording.mirrored_points, lambda each: each.instrument.COORDINATES),
         Mistake("axes", recording.exchanged_axes),
         Mistake("sign", recording.reversed_axes),
         Mistake("degrees", recording.other_angles),
         Mistake("targets", recording.exchanged_targets),
         Mistake("targets", recording.turned_targets),
-        Mistake("run", ranges.broken_beams, _of_ranges),
+        Mistake("run", ranges.broken_beams, lambda each: each.instrument.ZERO_BY_BEAM),
     ),
     (Mistake("chain", other_chains),),
     (
@@ -173,9 +165,8 @@ def gross_mistakes(measurement: Measurement) -> Iterator[Finding]:
         open_end = "" if len(tied) == 1 else "; these data do not show which of them"
         yield Finding(
             best.mistake.check,
-            f"the {'ranges' if _of_ranges(some) else 'points'} differ from the commanded positions by {before:.4g} mm "
-            f"RMS, and by {best.rms:.3g} mm "
-            f"{_words(tied)}{open_end}",
+            f"the {'points' if len(some.instrument.PARTS) > 1 else 'ranges'} differ from the commanded positions by "
+            f"{before:.4g} mm RMS, and by {best.rms:.3g} mm {_words(tied)}{open_end}",
             True,
         )
         return
@@ -212,7 +203,7 @@ def noted_mistakes(measurement: Measurement) -> Iterator[Finding]:
 
     Differences of millimetres are refused (`gross_mistakes`); smaller ones may be location errors.
     """
-    if not _of_single_tip(measurement):
+    if len(measurement.targets) > 1:
         return
     before = usual_rms(measurement)
     limit, stated = before / BETTER, np.array(next(iter(measurement.targets.values())).position)

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.instruments.of_points import LINE_RMS_MM, width
 from calibration.instruments.ranging.multilateration import LARGEST_MM
-from calibration.instruments.ranging.ranging import dead_lengths, least_rows, stations_of
+from calibration.instruments.ranging.ranging import Ranging, dead_lengths, least_rows, stations_of
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.misfit import misfit
@@ -77,9 +77,7 @@ def misstated_stations(measurement: Measurement) -> Iterator[Finding]:
 
 def _misstated_dead(measurement: Measurement) -> Iterator[Finding]:
     """Findings for dead lengths that differ from the stated ones."""
-    own, names = measurement.instrument, dead_lengths(measurement)
-    if own.OBSERVES != "range":
-        return
+    own, names = Ranging.expect(measurement.instrument), dead_lengths(measurement)
     stated = own.stated_dead(measurement)
     if own.dead_u_um is not None:
         stated = dict.fromkeys(np.unique(names).tolist(), 0.0) | stated

@@ -51,7 +51,7 @@ def other_units(measurement: Measurement) -> Reversed:
         by = f"with the commands of linear axes multiplied by {factor:.6g} ({mixed} mixed up)"
         linear = np.where(measurement.machine.rotary, 1.0, factor)
         # shorter moves leave smaller residuals of spheres, also where they are wrong
-        if factor > 1.0 or measurement.instrument.OBSERVES != "offset" or _beyond_travel(measurement):
+        if factor > 1.0 or not measurement.instrument.FINDS_CENTRES or _beyond_travel(measurement):
             yield by, with_positions(measurement, measurement.state.positions * linear)
 
 
@@ -64,7 +64,7 @@ def _beyond_travel(measurement: Measurement) -> bool:
 
 def _scale(measurement: Measurement) -> float | None:
     """Ratio of the distances between points to the commanded ones; None if there are none."""
-    if measurement.instrument.OBSERVES in ("offset", "range"):  # the readings are no coordinates
+    if not measurement.instrument.COORDINATES:
         return None
     points = measurement.nominal_points[:, : measurement.instrument.components]
     nominal_spread, observed_spread = _spread(measurement, points), _spread(measurement, measurement.observed)
@@ -111,7 +111,7 @@ def exchanged_axes(measurement: Measurement) -> Reversed:
     machine = measurement.machine
     for i, j in combinations(_moving(measurement), 2):
         alike = machine.rotary[i] == machine.rotary[j]
-        if alike or measurement.instrument.OBSERVES == "offset":
+        if alike or measurement.instrument.FINDS_CENTRES:
             scale = np.ones(len(machine.axes)) if alike else machine.scale
             exchanged = measurement.state.positions / scale
             exchanged[:, [i, j]] = exchanged[:, [j, i]]
@@ -199,7 +199,7 @@ def misplaced(measurement: Measurement) -> Reversed:
             rows = measurement.target_number == list(measurement.targets).index(name)
             directions = (registration.rotations(other) @ carried(other))[rows, : residual.shape[1]]
             off = residual[rows]
-            if measurement.instrument.OBSERVES == "offset":  # the centres of the spheres follow the tip
+            if measurement.instrument.FINDS_CENTRES:  # the centres of the spheres follow the tip
                 groups = measurement.groups[rows]
                 directions, off = _less_means(groups, directions), _less_means(groups, off)
             shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), off.reshape(-1), rcond=None)
@@ -208,7 +208,7 @@ def misplaced(measurement: Measurement) -> Reversed:
             other = _with_targets(other, {name: replace(target, position=position)})
         moved = np.linalg.norm(np.array(position) - target.position)
         by = f"with target {name} at {_mm(position)} instead of {_mm(target.position)}, {moved:.3g} mm away"
-        if measurement.instrument.OBSERVES == "offset":
+        if measurement.instrument.FINDS_CENTRES:
             by += " (or with the lines of all rotary axes displaced alike: check the machine's file)"
         yield by, other
 

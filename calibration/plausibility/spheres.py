@@ -81,8 +81,6 @@ def sphere_notes(measurement: Measurement) -> Iterator[Finding]:
 
 def _sphere_notes(measurement: Measurement) -> Iterator[str]:
     """Notes on rows whose tip is in another sphere than stated, and on centres far from their stated positions."""
-    if measurement.instrument.OBSERVES != "offset":
-        return
     residual, registration = misfit(measurement)
     centres = registration.sphere_centres
     lengths = np.linalg.norm(residual, axis=1)

@@ -104,8 +104,8 @@ def measure_plan(
     draws: random numbers of the poses, the noise and the faults. UserError for options that the instrument does not
     have, for a tracker that sees no point, and for a tracker inside the targets.
     """
-    if virtual.instrument.OBSERVES == "offset":
-        return _probed(plan, model, virtual, virtual.instrument, draws)
+    if virtual.instrument.FINDS_CENTRES:
+        return _probed(plan, model, virtual, TouchProbe.expect(virtual.instrument), draws)
     if plan.spheres:
         raise UserError(f"--instrument {virtual.instrument.kind()}: a plan of spheres needs --instrument touch-probe")
     state, poses, stated, notes = _stationed(plan, virtual, draws[0])
@@ -113,17 +113,13 @@ def measure_plan(
     check_names(model.effects, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
     state = with_temperatures(state, virtual.temperatures) if virtual.temperatures else state
     rows, unseen = _reached(plan, state, virtual, poses)
-    repeat = len(state) // len(plan)
-    axis = component = None
-    if plan.axis is not None and virtual.instrument.OBSERVES == "deviation":
-        every = np.tile(plan.axis, repeat)
-        taken, component = virtual.instrument.readings_in(plan.machine, every[rows], virtual.error_motions)
-        rows = rows[taken]
-        axis = every[rows]
-    runs = np.tile(plan.run, repeat) if kinds is None else kinds
+    planned = rows % len(plan)  # the plan is repeated at each station
+    readings = virtual.instrument.readings_in(plan.machine, plan.axis, planned, virtual.error_motions)
+    rows = rows[readings.rows]
+    runs = np.tile(plan.run, len(state) // len(plan)) if kinds is None else kinds
     measured = observe(
         plan.machine, model, state.rows(rows), virtual.instrument, draws[1], poses, plan.targets,
-        stands_on=virtual.stands_on, axis=axis, run=runs[rows], component=component,
+        stands_on=virtual.stands_on, axis=readings.axis, run=runs[rows], component=readings.component,
         noise_scale=virtual.noise_scale, progress=progress,
     )  # fmt: skip
     if poses is not None:

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -336,7 +336,7 @@ def evaluate(measurement: Measurement) -> tuple[AxisTest, ...]:
 
 
 def _axis_test(measurement: Measurement, name: str) -> AxisTest:
-    machine, instrument = measurement.machine, cast(Interferometer, measurement.instrument)
+    machine, instrument = measurement.machine, Interferometer.expect(measurement.instrument)
     rows = measurement.axis_rows[name]
     column = machine.index(name)
     axis = machine.axes[column]

@@ -15,7 +15,7 @@ import machines
 from calibration.design.layout import Setup, laid_out
 from calibration.design.random_machines import TrueModels
 from calibration.design.volume import Volume
-from calibration.instruments import Instrument
+from calibration.instruments import Instrument, TouchProbe
 from calibration.measurement.measurement import SPINDLE_NOSE, Distance, Target
 from calibration.measurement.plan import Choices, Plan, Timing
 from calibration.measurement.plan_file import read_plan
@@ -139,8 +139,8 @@ def _case(
         trackers = _trackers(entry)
         reach = _reach(entry, study)
         other_effects = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
-        if instrument.OBSERVES == "offset":
-            plan, distances = sphere_plan(entry, machine, instrument, folder)
+        if instrument.FINDS_CENTRES:
+            plan, distances = sphere_plan(entry, machine, TouchProbe.expect(instrument), folder)
         elif entry.distances or entry.spheres != SPHERES_BY_DEFAULT:
             raise UserError('spheres and distances are of instrument = { kind = "touch-probe" }')
         elif entry.strategy == OPTIMISED:

@@ -128,7 +128,7 @@ def jumps(measurement: Measurement) -> Iterator[Effect]:
             return
         for station in np.unique(state.station).tolist():
             yield StationShift(station=station, since_s=start)
-            if measurement.instrument.READS_RANGES and not measurement.instrument.BY_BEAM:
+            if measurement.instrument.ZERO_BY_BEAM:
                 yield RangeJump(station=station, offset_um=0.0, since_s=start)
         for name, target in measurement.targets.items():
             if target.carrier == "tool":
@@ -176,7 +176,7 @@ def _of_drive(measurement: Measurement, axis: str) -> Iterator[Effect]:
     yield Backlash(axis=axis, width=0.0)
     if not is_log(measurement, axis):  # the moves between rows of a log are no moves of the machine
         yield Settling(axis=axis, share_ppm=0.0)
-    if measurement.instrument.OBSERVES != "distance":  # the lag of all axes lies along a circle: see ServoMismatch
+    if not measurement.instrument.ON_CIRCLES:  # there the differences of lags are seen: see ServoMismatch
         yield FollowingError(axis=axis, lag_ms=0.0)
     own = own_component(axis)
     if measurement.state.cycle is not None:
@@ -192,7 +192,7 @@ def _of_drive(measurement: Measurement, axis: str) -> Iterator[Effect]:
     ways = way_since_reversal(measurement.machine, measurement.state, axis, "a hysteresis")
     ways = ways[np.isfinite(ways) & (ways > 0.0)]
     lengths = np.unique(np.round(np.quantile(ways, LENGTHS), 3)).tolist() if len(ways) else []
-    if measurement.instrument.OBSERVES == "distance" and len(ways):
+    if measurement.instrument.ON_CIRCLES and len(ways):
         lengths = [*ON_CIRCLES_MM, *lengths]
     for length in lengths:
         if length > 0.0:

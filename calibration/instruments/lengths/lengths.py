@@ -78,6 +78,8 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
     HEADER_KEYS = (SCALE_U, SQUARE_U)
     NEEDED = ((reading.U_RULER, reading.U_RULER_PER_M, reading.U_GAUGE),)
     MAY_BE_FEW = True
+    CHECKS = ("lengths",)
+    IF_TOO_FEW = "a search for causes needs many readings: 'ncomp fit' takes few"
     BASES = ("legendre",)
     IN_ORDER_OF_MOVES = False
 

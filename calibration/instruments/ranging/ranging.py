@@ -59,6 +59,8 @@ class Ranging(OfDistances, frozen=True, tag="ranging"):
     STATIONED = True
     STATIONS = 4
     READS_RANGES = True
+    ZERO_BY_BEAM = True
+    CHECKS = ("places of stations", "points", "stated stations")
     MAY_BE_KNOCKED = True
     FOLLOWED_UP = True
 

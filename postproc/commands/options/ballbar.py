@@ -43,13 +43,13 @@ class BallbarOptions:
         """The ballbar with these uncertainties and the given length."""
         from calibration.instruments import Ballbar
 
-        assert of.OBSERVES == "distance"
+        own = Ballbar.expect(of)
         if self.bar is None:
-            return of
+            return own
         values = numbers(self.bar, 2 if ":" in self.bar else 1, f"--bar {self.bar}", ":")
         if min(values) <= 0.0:
             raise UserError(f"--bar {self.bar}: expected mm or mm:um, above zero")
-        return Ballbar(u_um=of.u_um, length_mm=values[0], length_u_um=values[1] if len(values) > 1 else None)
+        return Ballbar(u_um=own.u_um, length_mm=values[0], length_u_um=values[1] if len(values) > 1 else None)
 
     def circles(self, feeds: Sequence[float]) -> Circles:
         """The circles at these feeds, mm/min; default 1000."""
