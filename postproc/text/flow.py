@@ -168,7 +168,7 @@ class Flow:
                     f"the program does not end within {MOST_RUN_BLOCKS} blocks: check its loops and jumps"
                 )
             jumped, self._jumped, then = self._jumped, False, None
-            plain = None if jumped or self._modal_call() else self.listing.plain(at, self.frames[-1].last, self.ran)
+            plain = None if jumped or self._modal_call() else self.listing.plain(at, self.frames[-1].last)
             self.ran.add(at)
             if block.code is not None:
                 then = self._steps(at, block, block.code.before)

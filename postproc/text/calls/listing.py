@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import itertools
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol
 
@@ -81,6 +81,8 @@ class Listing:
         self._labelled: dict[str, list[int]] = {}
         self._firsts: list[int] = []
         """The first block of each file."""
+        self._called: dict[tuple[str, int, bool, bool], int] = {}
+        """First blocks of subprograms by their names and calls, as long as no further file is called."""
         self.ends: set[int] = set()
         """Blocks that stand for the end of a file."""
         self._take(0)
@@ -98,13 +100,12 @@ class Listing:
             raise self.blocks[at - 1].refuse(f"the subprogram has no end: {self.files.end}")
         return True
 
-    def plain(self, at: int, last: int, ran: Container[int]) -> PlainRun | None:
+    def plain(self, at: int, last: int) -> PlainRun | None:
         """The plain lines from a block on; None for a block that is read by itself.
 
-        last: last block of the part of the program that is run again, if it is behind. ran: blocks that have run: they
-        are read by themselves, because each must get the text of its first run.
+        last: last block of the part of the program that is run again, if it is behind.
         """
-        run = None if at in ran else self.files.runs.get(at)
+        run = self.files.runs.get(at)
         return run if run is None or not at <= last < at + len(run) - 1 else run.part(0, last + 1 - at)
 
     def labelled(self, name: str, at: int) -> list[int]:
@@ -148,6 +149,16 @@ class Listing:
 
         local: in the file of the call; begun: the subprogram must have a beginning of its own. NotKnown for none.
         """
+        call = name, self._file(at), local, begun
+        if call not in self._called:
+            files = len(self._firsts)
+            first = self._find(name, at, local=local, begun=begun)
+            if files < len(self._firsts):  # another file may have a subprogram of this name
+                return first
+            self._called[call] = first
+        return self._called[call]
+
+    def _find(self, name: str, at: int, *, local: bool, begun: bool) -> int:
         labelled = self._labelled.get(name, [])
         if not local:
             self._refuse_several(labelled, name)
@@ -192,6 +203,7 @@ class Listing:
 
     def _take(self, first: int) -> None:
         """Take the blocks of a file, from `first` on."""
+        self._called.clear()
         self._firsts.append(first)
         program = len(self._programs)  # larger than the number of any program before
         for i, block in enumerate(itertools.islice(self.blocks, first, None), start=first):
