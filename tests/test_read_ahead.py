@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from hypothesis import strategies as st
+from msgspec.structs import astuple
 from support.no_process import Here
 from support.plain_programs import mixtures
 from support.tiers import drawn
@@ -29,7 +30,7 @@ def check_all(pieces, found):
             continue
         assert np.array_equal(lines.regular, alone.regular)
         assert lines.usual_numbers == alone.usual_numbers
-        for column, other in zip(vars(lines.columns).values(), vars(alone.columns).values(), strict=True):
+        for column, other in zip(*map(astuple, (lines.columns, alone.columns)), strict=True):
             assert np.array_equal(column, other)
         for mark, other in zip(lines.marks(lines.columns), alone.marks(alone.columns), strict=True):
             assert np.array_equal(mark, other)

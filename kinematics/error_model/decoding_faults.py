@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import json
 import re
 from typing import Any
 
@@ -36,6 +35,8 @@ def given_twice(content: dict[str, Any], data: bytes) -> str:
     def once(pairs: list[tuple[str, Any]]) -> None:
         names = [name for name, _ in pairs]
         found.extend(name for name in names if names.count(name) > 1)
+
+    import json
 
     json.loads(data, object_pairs_hook=once)
     return found[0] if found else ""

@@ -17,11 +17,9 @@ from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion, Loca
 from kinematics.effects.base import unit_of
 from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault, utf8_content
 from kinematics.error_model.effect_sums import Design, total_errors
-from kinematics.error_model.layout import to_json
 from kinematics.error_model.provenance import SIMULATED, VALID_DAYS, MachineReference, Provenance, reference
 from kinematics.files import fingerprint, read_input, write_whole
-from kinematics.files.certificate import carried, is_certificate
-from kinematics.files.mistaken import kind_of_file
+from kinematics.files.mistaken import is_certificate, kind_of_file
 from kinematics.machine import Machine
 from kinematics.state import REFERENCE_DEGC, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array
@@ -290,6 +288,8 @@ def refuse_other_machine(model: ErrorModel, machine: Machine, name: str) -> None
 def decode_model(data: bytes, source: str) -> ErrorModel:
     """The calibration in JSON, or in a certificate; `source` names it in the UserError for anything that is wrong."""
     if is_certificate(data):
+        from kinematics.files.certificate import carried
+
         data = carried(data, source).document
     try:
         data = utf8_content(data, source)
@@ -349,6 +349,8 @@ def encode_model(model: ErrorModel) -> bytes:
     """The calibration as readable JSON: of each effect kind and axis, parameters with units, u, note."""
     content = msgspec.to_builtins(model)
     content["effects"] = [_written(effect) for effect in model.effects]
+    from kinematics.error_model.layout import to_json
+
     return (to_json(content) + "\n").encode()
 
 

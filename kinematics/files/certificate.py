@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import datetime
 import hashlib
-import re
 import xml.etree.ElementTree as ET
 import zlib
 from typing import NamedTuple
@@ -41,11 +40,6 @@ class Carried(NamedTuple):
     """Last day of the measurement."""
     equipment: str
     """Instruments and their numbers."""
-
-
-def is_certificate(data: bytes) -> bool:
-    """True for the bytes of a certificate."""
-    return re.match(rb"(\xef\xbb\xbf)?\s*<[^\0]*?digitalCalibrationCertificate", data[:4000]) is not None
 
 
 def fingerprint_of(root: ET.Element) -> str:

@@ -114,3 +114,8 @@ def number_hint(text: str) -> str:
     if re.fullmatch(r"[-+]?[\d.]+\s*[^\d\s.,;].{0,8}", text):
         return "; write the number without its unit"
     return "; separate numbers by ','" if ";" in text else ""
+
+
+def is_certificate(data: bytes) -> bool:
+    """True for the bytes of a certificate."""
+    return re.match(rb"(\xef\xbb\xbf)?\s*<[^\0]*?digitalCalibrationCertificate", data[:4000]) is not None

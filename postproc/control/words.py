@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+
+import msgspec
 
 from postproc.control.codes import LARGEST_CODE
 from postproc.text.block import Block, Refusal, Word
 from postproc.text.expressions import Constant, Formula
 
 
-@dataclass(slots=True)
-class Content:
+class Content(msgspec.Struct):
     """The words of one block, sorted."""
 
     block: Block
-    g: list[float] = field(default_factory=list)
-    m: list[float] = field(default_factory=list)
-    axes: list[int] = field(default_factory=list)
+    g: list[float] = msgspec.field(default_factory=list)
+    m: list[float] = msgspec.field(default_factory=list)
+    axes: list[int] = msgspec.field(default_factory=list)
     """Indices of the axis words."""
-    names: dict[str, int] = field(default_factory=dict)
+    names: dict[str, int] = msgspec.field(default_factory=dict)
     """Indices of the words and calls without a value that the dialect reads by their names."""
-    other: dict[str, int] = field(default_factory=dict)
+    other: dict[str, int] = msgspec.field(default_factory=dict)
     """Indices of all other words by address."""
 
     def refuse(self, reason: str) -> Refusal:

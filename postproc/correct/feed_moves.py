@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 
 from kinematics.machine import TURN_DEG
@@ -20,8 +19,7 @@ LONG_WAY = 330.0
 WITHOUT_FEED = "a feed move has no F before it: the control takes a feed of its own, or refuses the program"
 
 
-@dataclass
-class FeedNotes:
+class FeedNotes(msgspec.Struct):
     """Takes the chunks of a program in their order, as the program has them."""
 
     notes: Notes

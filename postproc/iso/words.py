@@ -31,8 +31,6 @@ from postproc.text.block import Block, Refusal
 class Content(words.Content):
     """The words of one block, sorted; `names` are words that belong to M functions, and those behind a comma."""
 
-    __slots__ = ()
-
     @property
     def ends(self) -> list[float]:
         """The codes that end a rotation or a preset, whatever else the block contains, in the order of execution."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
+
+import msgspec
 
 
 class Kind(IntEnum):
@@ -40,11 +41,10 @@ class Known(IntEnum):
     """Programmed in the present frame: the axis is at a corrected position."""
 
 
-@dataclass
-class StartPosition:
+class StartPosition(msgspec.Struct):
     """The position of the axes when the program starts, as the user declares it: where the tool stands, uncorrected."""
 
-    at: dict[int, float] = field(default_factory=dict)
+    at: dict[int, float] = msgspec.field(default_factory=dict)
     """Axes that are still there, by column; mm or degrees, in the coordinates that are in force at the first move."""
     begun: bool = False
     """Something has moved."""

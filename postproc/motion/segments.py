@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -114,6 +113,8 @@ def _of_whole_moves(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
 
     They are nearest to the fractions of the sum, so that they can be written with small numbers.
     """
+    from fractions import Fraction
+
     whole = shares.copy()
     begin, later = motions.start_fraction, np.append(motions.added[1:], False)
     end = np.where(later, np.append(begin[1:], 0.0), 1.0)

@@ -40,8 +40,6 @@ _MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
 class Content(words.Content):
     """The words of one block, sorted; `names` are words without a value and calls."""
 
-    __slots__ = ()
-
     @property
     def moves(self) -> bool:
         """True for a block with an end point or a centre."""

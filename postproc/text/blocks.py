@@ -5,11 +5,12 @@ from __future__ import annotations
 import bisect
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import overload
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
@@ -19,8 +20,7 @@ from postproc.text.plain_lines import PlainLines
 from postproc.text.source import ENCODING
 
 
-@dataclass(frozen=True, eq=False)
-class PlainRun:
+class PlainRun(msgspec.Struct, frozen=True, eq=False, dict=True):
     """Consecutive plain lines of a piece of a program; each is one block that moves at least one axis."""
 
     lines: PlainLines
@@ -84,7 +84,7 @@ class PlainRun:
 
     def _of_lines(self, columns: PlainColumns) -> PlainColumns:
         rows = slice(self.first, self.last)
-        return PlainColumns(*(column[..., rows] for column in vars(columns).values()))
+        return PlainColumns(*(column[..., rows] for column in msgspec.structs.astuple(columns)))
 
 
 class Blocks(Sequence[Block]):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.machine import NDArrayBool
@@ -86,8 +86,7 @@ class PlainVectors(NamedTuple):
     """True `(lines,)` for a surface normal."""
 
 
-@dataclass(frozen=True)
-class ReadWords:
+class ReadWords(msgspec.Struct, frozen=True, eq=False):
     """The words of lines in their order `(words,)`."""
 
     line: np.ndarray
@@ -102,8 +101,7 @@ class ReadWords:
     several_points: np.ndarray
 
 
-@dataclass(frozen=True)
-class PlainColumns:
+class PlainColumns(msgspec.Struct, frozen=True, eq=False):
     """The words of plain lines: columns `(lines,)`, and `(addresses, lines)` with zeros where a line has no such word.
 
     Addresses are those of the lines: first the axes, then those of centres and radii of arcs.

@@ -8,11 +8,12 @@ whose meaning needs more than their number, are left to the reader of single lin
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from kinematics.machine import NDArrayBool
 from postproc.text.block import Block, Word
@@ -233,7 +234,7 @@ class PlainLines:
     def columns(self) -> PlainColumns:
         """The words of axes and arcs as columns, and which lines are plain."""
         found, last = self._read, len(self.addresses)
-        return PlainColumns(*(of[:last] if of.ndim > 1 else of for of in vars(found).values()))
+        return PlainColumns(*(of[:last] if of.ndim > 1 else of for of in msgspec.structs.astuple(found)))
 
     @cached_property
     def vectors(self) -> PlainVectors | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from enum import StrEnum
-from fractions import Fraction
 from functools import lru_cache
 
 import msgspec
@@ -61,6 +60,8 @@ def start_fraction_of(text: str) -> float:
 @lru_cache(maxsize=1 << 12)
 def part(start_fraction: float) -> str:
     """Comment of a block that begins at a share of its programmed move."""
+    from fractions import Fraction
+
     share = Fraction(start_fraction).limit_denominator(LARGEST_DENOMINATOR)
     if float(share) != start_fraction:
         share = Fraction(start_fraction)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.machine import Machine
@@ -22,19 +23,18 @@ MOST_APART_UM = 1.0
 """Twice the largest difference, um, between the corrections of iterations of a block that share its text."""
 
 
-@dataclass
-class Rewrite:
+class Rewrite(msgspec.Struct):
     """Changes by index of the block in the chunk."""
 
-    edits: dict[int, list[Edit]] = field(default_factory=dict)
+    edits: dict[int, list[Edit]] = msgspec.field(default_factory=dict)
     """Changes of the text of a block; they touch no coordinate."""
-    before: dict[int, list[str]] = field(default_factory=dict)
+    before: dict[int, list[str]] = msgspec.field(default_factory=dict)
     """Lines before a block."""
-    cut: dict[int, list[int]] = field(default_factory=dict)
+    cut: dict[int, list[int]] = msgspec.field(default_factory=dict)
     """Indices of words that a block loses."""
-    spelled: set[int] = field(default_factory=set)
+    spelled: set[int] = msgspec.field(default_factory=set)
     """Blocks that get words for rotary axes which a tool vector has turned."""
-    whole: set[int] = field(default_factory=set)
+    whole: set[int] = msgspec.field(default_factory=set)
     """Blocks that get X Y Z also where these do not move."""
 
     def prepared(self, index: int, block: Block) -> Block:
@@ -50,7 +50,7 @@ class Rewrite:
             end = end_of(editor.block.text) or editor.layout.end
             editor.edits.insert(0, Edit(0, 0, "".join(line + end for line in lines)))
 
-    straight: set[int] = field(default_factory=set)
+    straight: set[int] = msgspec.field(default_factory=set)
     """Blocks whose arcs are written as straight lines: G1 is in force behind them."""
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
@@ -164,6 +163,8 @@ def provenance(head: ReportHead, inputs: Iterable[str | Path | None]) -> dict[st
 
 def made_now(head: ReportHead) -> ReportHead:
     """The head with the command as it was given, and the present time."""
+    import shlex
+
     command = shlex.join(("ncomp", *sys.argv[1:]))
     return replace(head, command=command, made=f"{datetime.now():%Y-%m-%d %H:%M}")
 
