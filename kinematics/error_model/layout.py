@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import textwrap
 from typing import Any
 
@@ -35,6 +34,8 @@ def _layout(value: Any, indent: str, used: int) -> str:
 
 
 def _flat(value: Any) -> str:
+    import json
+
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 

@@ -17,6 +17,7 @@ from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion, Loca
 from kinematics.effects.base import unit_of
 from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault, utf8_content
 from kinematics.error_model.effect_sums import Design, total_errors
+from kinematics.error_model.layout import to_json
 from kinematics.error_model.provenance import SIMULATED, VALID_DAYS, MachineReference, Provenance, reference
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.files.mistaken import is_certificate, kind_of_file
@@ -349,8 +350,6 @@ def encode_model(model: ErrorModel) -> bytes:
     """The calibration as readable JSON: of each effect kind and axis, parameters with units, u, note."""
     content = msgspec.to_builtins(model)
     content["effects"] = [_written(effect) for effect in model.effects]
-    from kinematics.error_model.layout import to_json
-
     return (to_json(content) + "\n").encode()
 
 
