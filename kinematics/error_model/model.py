@@ -20,7 +20,7 @@ from kinematics.error_model.effect_sums import Design, total_errors
 from kinematics.error_model.layout import to_json
 from kinematics.error_model.provenance import SIMULATED, VALID_DAYS, MachineReference, Provenance, reference
 from kinematics.files import fingerprint, read_input, write_whole
-from kinematics.files.mistaken import is_certificate, kind_of_file
+from kinematics.files.mistaken import document_of, kind_of_file
 from kinematics.machine import Machine
 from kinematics.state import REFERENCE_DEGC, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array
@@ -288,10 +288,7 @@ def refuse_other_machine(model: ErrorModel, machine: Machine, name: str) -> None
 
 def decode_model(data: bytes, source: str) -> ErrorModel:
     """The calibration in JSON, or in a certificate; `source` names it in the UserError for anything that is wrong."""
-    if is_certificate(data):
-        from kinematics.files.certificate import carried
-
-        data = carried(data, source).document
+    data = document_of(data, source)
     try:
         data = utf8_content(data, source)
         content = msgspec.json.decode(data, type=dict[str, Any])

@@ -116,6 +116,10 @@ def number_hint(text: str) -> str:
     return "; separate numbers by ','" if ";" in text else ""
 
 
-def is_certificate(data: bytes) -> bool:
-    """True for the bytes of a certificate."""
-    return re.match(rb"(\xef\xbb\xbf)?\s*<[^\0]*?digitalCalibrationCertificate", data[:4000]) is not None
+def document_of(data: bytes, source: str) -> bytes:
+    """The document in a certificate, and the data of any other file; `source` names it in a UserError."""
+    if re.match(rb"(\xef\xbb\xbf)?\s*<[^\0]*?digitalCalibrationCertificate", data[:4000]) is None:
+        return data
+    from kinematics.files.certificate import carried
+
+    return carried(data, source).document
