@@ -1,15 +1,15 @@
 """Programs that ncomp accepts, and reasons for the refusal of the others: `python benchmarks/acceptance.py FOLDER
 [MACHINE ...]`.
 
-Every file below the folder goes through the main job, on the first of the machines that accepts it (default: dmu50,
-trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX that
-move no part of it, as one on which a tool change moves nothing, as a FANUC, as one whose called programs do not
-change the state, as one that cuts off the fraction of a number of repeats, as a LinuxCNC, with the tool at X0 Y0 Z0 at
-the start, and with probing beside the contour): with `--calibration
-none`, where an accepted program must come out byte for byte, for a machine that is out of square by 20 urad, and for
-that with `--unroll` where it is refused without. One that asks for the radius of a tool is given a tool table, in
-which all tools are alike. Prints a table per folder, and one line per program that the first, or only the second,
-refuses.
+Every file below the folder, but those whose suffix is that of another kind of file, goes through the main job, on the
+first of the machines that accepts it (default: dmu50, trunnion_ac; each also as for a control that reads arc centres as
+absolute, with an extruder's axes E and ELX that move no part of it, as one on which a tool change moves nothing, as a
+FANUC, as one whose called programs do not change the state, as one that cuts off the fraction of a number of repeats,
+as a LinuxCNC, with the tool at X0 Y0 Z0 at the start, with probing beside the contour, and with the block-skip switch
+off): with `--calibration none`, where an accepted program must come out byte for byte, for a machine that is out of
+square by 20 urad, and for that with `--unroll` where it is refused without. One that asks for the radius of a tool is
+given a tool table, in which all tools are alike. Prints a table per folder and one per dialect, and one line per
+program that the first, or only the second, refuses. Broken are accepted programs that do not come back byte for byte.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import dataclasses
 import datetime
 import io
 import sys
-from collections import defaultdict
+from collections import Counter
 from pathlib import Path
 
 import machines
@@ -37,6 +37,9 @@ from postproc.text.source import open_source
 SQUARENESS_URAD = 20.0
 TOOLS = ToolTable(tools={str(n): 0.0 for n in range(1000)}, radii={str(n): 3.0 for n in range(1000)})
 """mm."""
+NO_PROGRAMS = frozenset((".md", ".py", ".sh", ".toml", ".json", ".csv", ".ini", ".rtl"))
+"""Suffixes of notes, scripts, machine files, calibrations, measurements and tool tables."""
+COUNTED = "programs", "accepted", "corrected", "or unrolled", "broken"
 
 
 def out_of_square(machine: Machine) -> ErrorModel:
@@ -61,6 +64,7 @@ def variants(names: list[str]) -> list[Machine]:
             {"family": "linuxcnc"},
             {"start": "X0,Y0,Z0"},
             {"probing": "beside"},
+            {"block_skip": False},
         )
         controls = [dataclasses.replace(machine.control, **other) for other in others]
         found += [dataclasses.replace(machine, control=control) for control in controls]
@@ -89,7 +93,7 @@ def run(path: Path, machine: Machine, model: ErrorModel, setup: Setup, unroll: b
 def refusals(path: Path, candidates: list[Machine]) -> tuple[str | None, str | None, str | None]:
     """Why a program is refused without errors, with errors, and with errors and `--unroll`; None where it is not.
 
-    AssertionError when one that is accepted does not come back as it was.
+    AssertionError for one that is accepted and does not come back as it was.
     """
     reasons = []
     for machine in candidates:
@@ -114,23 +118,28 @@ def refusal(path: Path, machine: Machine, *, unroll: bool) -> str | None:
 
 
 def main(folder: Path, machine_names: list[str]) -> None:
-    """Print the table and the refusals."""
+    """Print the tables and the refusals."""
     candidates = variants(machine_names)
-    counts: dict[Path, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
+    folders, dialects = Counter[tuple[str, str]](), Counter[tuple[str, str]]()
     lines = []
-    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        read, corrected, written_out = refusals(path, candidates)
-        row = counts[path.parent.relative_to(folder)]
-        row[0] += 1
-        row[1] += read is None
-        row[2] += corrected is None
-        row[3] += written_out is None
+    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() not in NO_PROGRAMS):
+        source = open_source(str(path))
+        names = str(path.parent.relative_to(folder)), find_dialect("auto", source.name, source.text_head).name
+        try:
+            read, corrected, written_out = refusals(path, candidates)
+            states = {"accepted": read is None, "corrected": corrected is None, "or unrolled": written_out is None}
+        except AssertionError:
+            read = corrected = written_out = f"BROKEN {path}"
+            states = {"broken": True}
+        for counts, name in zip((folders, dialects), names, strict=True):
+            counts.update((name, column) for column, holds in {"programs": True, **states}.items() if holds)
         if corrected is not None:
             kind = "" if read else "(read, not corrected) " if written_out else "(only with --unroll) "
             lines.append(kind + corrected.replace(f"{folder}/", ""))
-    print(f"{'folder':<32}{'programs':>10}{'accepted':>10}{'corrected':>10}{'or unrolled':>13}")
-    for name, (programs, accepted, done, unrolled_too) in counts.items():
-        print(f"{name!s:<32}{programs:>10}{accepted:>10}{done:>10}{unrolled_too:>13}")
+    for title, counts in {"folder": folders, "dialect": dialects}.items():
+        print(f"{title:<32}{''.join(f'{column:>13}' for column in COUNTED)}")
+        for name in dict.fromkeys(name for name, _ in counts):
+            print(f"{name:<32}{''.join(f'{counts[name, column]:>13}' for column in COUNTED)}")
     print("\n".join(["", *lines]))
 
 

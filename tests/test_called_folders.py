@@ -87,6 +87,20 @@ def test_one_program_writes_its_set_beside_its_output(ncomp, tmp_path):
     assert "called programs, corrected in files beside the program: O1000.nc, 3, o9001.NC" in " ".join(done.err.split())
 
 
+def test_an_edit_of_a_called_file_is_seen_from_the_main_program(ncomp, tmp_path):
+    (tmp_path / "out").mkdir()
+    assert ncomp("in/iso/O0001.nc", *ACCEPTED, "-o", "out/O0001.nc").status == 0
+    shown = ncomp("verify", "out/O0001.nc")
+    assert (shown.status, "Nor were the files that it calls" in shown.out.decode()) == (0, True), shown.out.decode()
+    called = tmp_path / "out/O1000.nc"
+    called.write_text(called.read_text().replace("F", "F1"))
+    shown = ncomp("verify", "out/O0001.nc", "--json", "made.json").out.decode()
+    assert "out/O1000.nc, which it calls, was EDITED since" in " ".join(shown.split())
+    result = json.loads((tmp_path / "made.json").read_text())
+    assert {each["name"]: each["edited"] for each in result["called"]}["out/O1000.nc"] is True
+    assert result["edited"] is False
+
+
 def test_standard_output_gets_one_program(ncomp, tmp_path):
     done = ncomp("in/iso/O0001.nc", *ACCEPTED)
     assert b"(O1000.NC LINE 3, PASS 1)" in done.out

@@ -158,7 +158,7 @@ def test_what_a_format_cannot_hold_is_refused(command, tmp_path):
         (["steps=X:250,Y:250,Z:400"], r"can hold nothing of this calibration \(E_C0Y, backlash X\)"),
         (["steps=X:250,Y"], "expected the present steps per mm of each axis, as X:250,Y:250,Z:400"),
         (["steps=X:1e9"], "expected the present steps per mm of each axis"),
-        ([], "--set: Object missing required field `steps`"),
+        ([], "--set steps=VALUE is missing, and the format needs it"),
     ):
         more = [word for setting in settings for word in ("--set", setting)]
         done = command("export", "-m", MACHINE, "-c", "cal.json", "--format", "grbl", "-o", "tables", *more)

@@ -485,6 +485,21 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("tip.nc", "G21 G17 G90 G94 G54\nT1 M6\nG43.4 H1\nG0 X0 Y0 Z100. C0\nG1 X5. C5. F100.\nG49\nM30\n"),
+        ("tip.mpf", "G71 G17 G90 G94 G54\nT1 D1 M6\nTRAORI\nG0 X0 Y0 Z100 C0\nG1 X5 C=5 F100\nTRAFOOF\nM30\n"),
+    ],
+)
+def test_a_program_of_the_tool_point_is_not_converted_to_one(ncomp, file, text):
+    done, _ = convert(ncomp, text, *COARSE, file=file, to="to-tcp")
+    assert done.status == 2
+    assert f"{file}:4:" in done.err
+    assert "TCP is on in this move already" in done.err
+    assert not Path(f"out_{file}").exists()
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused(ncomp, name):
     text, options, words = REFUSED[name]

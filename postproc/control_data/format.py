@@ -139,6 +139,11 @@ def parse_settings(kind: type[Settings], texts: Iterable[str]) -> Settings:
         if name in values:
             raise UserError(f"--set {text}: {name} is given twice: give it once")
         values[name] = value
+    for field in msgspec.structs.fields(kind):
+        if field.required and field.encode_name not in values:
+            raise UserError(
+                f"--set {field.name}=VALUE is missing, and the format needs it: docs/tables.md has its form"
+            )
     try:
         return msgspec.convert(values, kind, strict=False)
     except msgspec.ValidationError as fault:

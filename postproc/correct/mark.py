@@ -6,7 +6,7 @@ import hashlib
 import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import IO, NamedTuple
 
 from kinematics.error_model.model import ErrorModel
@@ -18,7 +18,7 @@ from postproc.control.state import ControlState
 from postproc.dialects import Dialect
 from postproc.text.block import Block
 from postproc.text.notes import Notes
-from postproc.text.source import ENCODING, Source
+from postproc.text.source import ENCODING, HEAD_SIZE, Source, open_source
 
 _MARK = re.compile(
     r"NCOMP (?P<version>\d\S*) MACHINE (?P<machine>\S+) CALIBRATION (?P<calibration>[0-9A-F]+)"
@@ -161,6 +161,19 @@ def statement_in(source: Source) -> Statement | None:
         if number != line:
             of_text.add(text.encode(ENCODING))
     return Statement(**match.groupdict(), found=str(of_text), line=line, words=match.string.strip())
+
+
+def called_by_program(path: Path) -> Iterator[tuple[Path, Statement]]:
+    """The corrected files in the folder of a program whose marks name it as their caller, with what the marks say."""
+    words = called_by(path).strip()
+    for other in sorted(each for each in path.parent.rglob("*") if each.is_file() and each != path):
+        with other.open("rb") as file:
+            head = file.read(HEAD_SIZE).decode(ENCODING)
+        if words not in head:
+            continue
+        statement = statement_in(open_source(str(other)))
+        if statement is not None and re.search(rf"{re.escape(words)}(?![\w.-])", statement.words):
+            yield other, statement
 
 
 def conversions_in_program(source: Source) -> list[str]:

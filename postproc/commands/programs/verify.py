@@ -145,7 +145,7 @@ def _unlike(default: Any, value: Any) -> Any:
 def _show_statement(program: str, others: ResultOptions) -> None:
     """Read the mark of one program; UserError where it has none."""
     from postproc.commands.show.terminal import show
-    from postproc.correct.mark import statement_in
+    from postproc.correct.mark import called_by_program, statement_in
     from postproc.verification.mark_report import mark_report, of_statement
 
     source = open_source(program)
@@ -155,7 +155,8 @@ def _show_statement(program: str, others: ResultOptions) -> None:
             f"{source.name} has no mark of ncomp: it was not corrected, or its mark was removed; "
             f"ncomp verify IN.nc {program} --machine NAME compares it with its original"
         )
-    report = mark_report(statement, Path(program).name)
+    called = [] if program == "-" else list(called_by_program(Path(program)))
+    report = mark_report(statement, Path(program).name, called)
     with whole_results(*others.files) as files:
-        others.write(of_statement(statement), report, files, (program,))
+        others.write(of_statement(statement, called), report, files, (program,))
     show(report, *others.files)

@@ -140,6 +140,11 @@ class Conversion:
             kinds.setdefault(index, []).append(Kind(kind))
         known = (motions.known_start == Known.PROGRAM).all(axis=1) & (motions.known == Known.PROGRAM).all(axis=1)
         feed = known & ((motions.kind == Kind.LINE) | (motions.kind == Kind.ARC))
+        if motions.tcp.any():
+            raise blocks[int(motions.block[motions.tcp.argmax()])].refuse(
+                "TCP is on in this move already, and --tcp to-tcp converts positions of the axes: correct the program "
+                "without --tcp, or take the part under TCP out of it"
+            )
         inside = self._switched.follow(blocks, kinds, np.isin(np.arange(len(blocks)), motions.block[feed]), rewrite)
         return np.asarray(inside[motions.block])
 
