@@ -16,6 +16,8 @@ EVERY = 10
 RADIUS = 3.0
 """Radius of the arcs, mm."""
 INCH = 25.4
+IN_SUBPROGRAM = 40
+"""Moves of a subprogram."""
 PLANE = 300
 """So many arcs follow one another in one plane."""
 PLANES = ((17, (0, 1, 2), "IJ"), (18, (2, 0, 1), "KI"), (19, (1, 2, 0), "JK"))
@@ -136,6 +138,12 @@ def _holes(i: np.ndarray) -> Iterator[str]:
         yield f"X{x:.4f} Y{y:.4f}{' Z185.' if not depth else ''}\n"
 
 
+def _calls(i: np.ndarray) -> Iterator[str]:
+    """Calls of a subprogram, one for as many moves as it has."""
+    for first in (i % IN_SUBPROGRAM == 0).tolist():
+        yield "M98 P0100\n" if first else ""
+
+
 FIVE_AXES = "five axes"
 """The plain form, ISO."""
 HEAD = "%\nO0001 (SPEED)\nG21 G17 G90 G40 G49 G80 G94 G54\nT1 M6\nS12000 M3\n"
@@ -220,6 +228,11 @@ CLOTHINGS = {
         Clothing(
             "three axes, every move an arc", ".nc",
             f"{HEAD}G0 X60.0000 Y-0.1650 Z199.8950\nG1 F1500.\n", _arcs_only,
+        ),
+        Clothing(
+            "five axes, a subprogram called again", ".nc",
+            f"{HEAD}G0 {START}\n", _calls,
+            f"M5\nM30\nO0100\n{''.join(_without_numbers(np.arange(IN_SUBPROGRAM)))}M99\n%\n",
         ),
         Clothing(
             "holes of a drilling cycle", ".nc",

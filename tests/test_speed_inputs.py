@@ -10,7 +10,7 @@ import ncomp
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
-from speed_inputs import CLOTHINGS, FIVE_AXES
+from speed_inputs import CLOTHINGS, FIVE_AXES, IN_SUBPROGRAM
 
 MOVES = 60
 
@@ -29,6 +29,8 @@ def moves(name: str, folder: Path) -> np.ndarray:
 @pytest.mark.parametrize("name", CLOTHINGS)
 def test_the_path_is_the_same_in_each_form(name, tmp_path):
     found, expected = moves(name, tmp_path), moves(FIVE_AXES, tmp_path)
+    if "called again" in name:
+        expected = expected[(np.arange(2 * IN_SUBPROGRAM) % IN_SUBPROGRAM)[-MOVES:]]
     if name.startswith("five"):
         assert found == pytest.approx(expected, abs=1e-9)
     else:

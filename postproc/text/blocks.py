@@ -102,6 +102,8 @@ class Blocks(Sequence[Block]):
                 self.parts.append([item])
         self.firsts = [0, *itertools.accumulate(map(len, self.parts))]
         """Index of the first block of each part, and the number of blocks."""
+        self._last: tuple[int, Block] | None = None
+        """The block that was taken last, and its index: the rows of one block follow one another."""
 
     def __len__(self) -> int:
         return self.firsts[-1]
@@ -113,12 +115,16 @@ class Blocks(Sequence[Block]):
     def __getitem__(self, index: int | slice) -> Block | list[Block]:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
+        if self._last is not None and self._last[0] == index:
+            return self._last[1]
         index = int(index) + (len(self) if index < 0 else 0)
         if not 0 <= index < len(self):
             raise IndexError(index)
         number = bisect.bisect_right(self.firsts, index) - 1
         part, at = self.parts[number], index - self.firsts[number]
-        return part[at] if isinstance(part, list) else part.kept_block(at)
+        block = part[at] if isinstance(part, list) else part.kept_block(at)
+        self._last = index, block
+        return block
 
     def __iter__(self) -> Iterator[Block]:
         for part in self.parts:

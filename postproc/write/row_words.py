@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from kinematics.machine import TURN_DEG, Machine, NDArrayBool
+from kinematics.machine import TURN_DEG, Machine
 from postproc.compensation.correction import Correction
 from postproc.motion.cutter_compensation import check_turned
 from postproc.motion.motions import Motions
@@ -34,7 +34,7 @@ class RowWords:
     motions: Motions
     row: int
     editor: WordEditor | AddedBlock
-    programmed: NDArrayBool
+    programmed: list[bool]
     """True for axes whose position the program has given."""
     held: list[float]
     """Position on the control; after all words, that behind the move."""
@@ -52,12 +52,15 @@ class RowWords:
     """Klartext arcs: indices of the words that an angle must replace."""
     start: list[float] = field(init=False)
     """Position on the control before the move."""
+    unit: float = field(init=False)
+    """Mm per unit of the words of linear axes."""
     named: set[int] = field(default_factory=set)
     """Axes whose position behind the move is known already."""
     turning: Mapping[int, RotaryWord] = field(init=False)
     """How the control reads the words of the rotary axes that do not simply count turns."""
 
     def __post_init__(self) -> None:
+        self.unit = float(self.motions.unit[self.row])
         self.start, self.turning = list(self.held), self.motions.rotary_words.get(self.row, {})
         if self.row in self.motions.arcs:
             self.dropped = self._keep_in_plane()
@@ -168,7 +171,7 @@ class RowWords:
 
     def _unit(self, axis: int) -> float:
         """Mm or degrees per unit of the words of an axis."""
-        return 1.0 if self.machine.rotary[axis] else float(self.motions.unit[self.row])
+        return 1.0 if self.machine.rotary[axis] else self.unit
 
     def _decimals(self, axis: int, unit: float, number: float) -> int:
         least = decimals_of_axis(self.machine, axis, unit)

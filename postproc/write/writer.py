@@ -102,7 +102,7 @@ class Writer:
         self._converts = rewrite is not None
         self._begun, self._arcs, self._at_end, self._added = set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
-        elsewhere = (motions.known_start == Known.ASSUMED) | motions.left_elsewhere
+        elsewhere = ((motions.known_start == Known.ASSUMED) | motions.left_elsewhere).tolist()
         self._programmed, self._ours, self._inner = motions.correctable, motions.added, motions.intermediate
         together = not self._turns and indices is None
         arcs = WritableArcs.of(motions, {} if self._converts or not together else correction.middle_shift)
@@ -112,7 +112,7 @@ class Writer:
         self._kinds, self._numbers, behind = motions.kind.tolist(), numbers_of_added(motions), 0
         while (row := behind) < len(motions):
             behind = row + 1
-            held = self._before(motions, row, elsewhere[row].tolist())
+            held = self._before(motions, row, elsewhere[row])
             starts[row] = held
             if row in stretches:
                 run = stretches[row]
@@ -127,8 +127,7 @@ class Writer:
                     self._held = written.behind[-1].tolist()
                     plain.append((int(motions.block[row]), run.part(0, lines), written.words))
                     continue
-            shift = ends[row - 1] - motions.target[row - 1]
-            self._write_move(motions, correction, row, held, shift, simple=bool(simple[row]))
+            self._write_move(motions, correction, row, held, ends, simple=bool(simple[row]))
             ends[row] = self._held = held
             if row in motions.cycles:
                 ends[row, motions.cycles[row].axis] = self._holes.bottom
@@ -141,9 +140,9 @@ class Writer:
         return plain_stretches(motions, [*arcs.rows.tolist(), *holes], self._editors.rewrite.special)
 
     def _write_move(
-        self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array, *, simple: bool
+        self, motions: Motions, correction: Correction, row: int, held: list[float], ends: Array, *, simple: bool
     ) -> None:
-        """Write one move; `held` becomes the position after it. shift `(axes,)`: that of the end of the row before.
+        """Write one move; `held` becomes the position after it. ends `(rows, axes)`: those of the rows before.
 
         simple: the block may run several times, and its text then follows from its move alone.
         """
@@ -153,7 +152,7 @@ class Writer:
         elif kind == PRESET:
             self._preset(motions, row, held)
         elif kind == PATTERN:
-            self._follow(motions, correction, row, held, shift)
+            self._follow(motions, correction, row, held, ends[row - 1] - motions.target[row - 1])
         elif not simple:
             self._write_row(motions, correction, row, held, bool(motions.rotary_only[row]))
         else:
@@ -326,7 +325,8 @@ class Writer:
         written = self._all_by_letter if everything else self._by_letter
         exact = {*written} - {*self._by_letter} | {*kept}
         block, rewrite = int(motions.block[row]), self._editors.rewrite
-        words = RowWords(self.machine, motions, row, editor, self._programmed[row], held, corrected, written, exact)
+        programmed = self._programmed[row].tolist()
+        words = RowWords(self.machine, motions, row, editor, programmed, held, corrected, written, exact)
         words.spelled = block in rewrite.spelled
         words.whole = block in rewrite.whole and not self._ours[row]
         return words
