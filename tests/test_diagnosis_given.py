@@ -56,6 +56,12 @@ def by_diagnosis() -> ErrorModel:
     return diagnose(data_of(CFRAME, 1, 150)).calibration
 
 
+@cache
+def against(*hidden: Effect) -> Diagnosis:
+    """The diagnosis of a machine with further errors against that calibration."""
+    return diagnose(data_of(CFRAME, 2, 120, *hidden), by_diagnosis())
+
+
 def sizes(answer: Diagnosis) -> dict[str, float]:
     return {cause.effect.name: cause.effect.parameters[0] for cause in answer.causes}
 
@@ -89,7 +95,7 @@ def test_the_same_machine_confirms_its_calibration_and_makes_it_surer(given):
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_change_is_named_with_its_size(change):
     hidden = CHANGES[change]
-    found = diagnose(data_of(CFRAME, 2, 120, *hidden), by_diagnosis())
+    found = against(*hidden)
     assert not found.confirmed
     assert sizes(found) == {effect.name: pytest.approx(effect.parameters[0], rel=0.25) for effect in hidden}
     # the change is part of the new calibration, which is the better one
@@ -100,7 +106,7 @@ def test_a_change_is_named_with_its_size(change):
 
 @pytest.mark.parametrize("change", [LocationError("C", "Y", 80.0), Scale("Y", 60.0)], ids=lambda each: each.name)
 def test_a_changed_line_has_its_size_within_its_uncertainty(change):
-    found = diagnose(data_of(CFRAME, 2, 120, change), by_diagnosis()).machine_change
+    found = against(change).machine_change
     assert found is not None
     assert found.significant
     (line,) = found.changed
@@ -115,7 +121,7 @@ def test_without_a_calibration_nothing_has_changed():
 
 def test_a_guide_that_bends_since_the_calibration():
     bent = ErrorMotion("X", "Z", Legendre(Z, 3), (0.0, 0.0, 15.0, 10.0))
-    found = diagnose(data_of(CFRAME, 2, 120, bent), by_diagnosis())
+    found = against(bent)
     (cause,) = found.causes
     assert (cause.kind, cause.effect.name) == ("error-motion", "E_XZ")
     assert found.machine_change is not None

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import blas
 
 from calibration.diagnosis.dictionary import KEPT_BYTES, Block, Dictionary, products
 from calibration.diagnosis.forms import together
@@ -50,7 +51,11 @@ class Beyond(NamedTuple):
 
     def taken(self, through: Array) -> Array:
         """Roots `(k, ...)` of what is taken of columns, by their products `(p, ...)` with those of the geometry."""
-        return np.asarray(self.root @ through[self.kept])
+        own = through[self.kept]
+        if not own.size:
+            return own
+        found = blas.dtrmm(1.0, self.root.T, own.reshape(len(own), -1).T, side=1, lower=0, overwrite_b=1)
+        return np.asarray(found.T.reshape(own.shape))
 
 
 class Present(NamedTuple):

@@ -37,6 +37,16 @@ class Equations:
         columns = np.ascontiguousarray(design.T) if few else None
         return cls(residual, design.T @ design, design.T @ residual, columns)
 
+    def gram_of(self, some: np.ndarray) -> Array:
+        """Products `(k, k)` of some columns; those of the same ones are kept for the next sizes."""
+        if len(some) == len(self.gram):
+            return self.gram
+        known, found = self.__dict__.get("of_some", (np.zeros(0, int), self.gram))
+        if not np.array_equal(known, some):
+            found = self.gram[np.ix_(some, some)]
+            self.__dict__["of_some"] = some, found
+        return found
+
     def beside(self, across: Array, columns: Array) -> Equations:
         """The equations with further whitened columns `(N, c)`, whose products with these are across `(p, c)`."""
         gram = np.block([[self.gram, across], [across.T, columns.T @ columns]])
@@ -78,7 +88,7 @@ class Posterior:
         squares = float(self.equations.residual @ self.equations.residual)
         if not len(self.kept):
             return replace(self, misfit=squares / self.factor)
-        upper = scaled_root(self.equations.gram, self.sizes, self.factor, self.kept)
+        upper = self._upper()
         determinant = _log_determinant(upper, self.factor)
         root = lapack.dtrtri(upper, lower=False, overwrite_c=True)[0].T
         along = root @ (self.sizes * self.equations.along)[self.kept]
@@ -105,12 +115,17 @@ class Posterior:
         own[:, self.kept] = mean, determined
         return replace(self, mean=own[0], determined=own[1], misfit=misfit, log_determinant=log_determinant)
 
+    def _upper(self) -> Array:
+        """Upper root `(k, k)` of the products of the columns that the data change, and of the noise, in their sizes."""
+        sizes = self.sizes[self.kept]
+        return _root(self.equations.gram_of(self.kept) * sizes[:, None] * sizes, self.factor)
+
     @cached_property
     def root_of_kept(self) -> Array:
         """Triangular root R `(k, k)`: the covariance of their coefficients in their prior sizes is R' R."""
         if not len(self.kept):
             return np.zeros((0, 0))
-        upper = scaled_root(self.equations.gram, self.sizes, self.factor, self.kept)
+        upper = self._upper()
         return np.asarray(lapack.dtrtri(upper, lower=False, overwrite_c=True)[0].T * np.sqrt(self.factor))
 
     @cached_property
@@ -135,16 +150,11 @@ def changed(gram: Array, sizes: Array, factor: float) -> np.ndarray:
     """Numbers `(k,)` of the columns that data change, by their products `(p, p)` and prior sizes `(p,)`.
 
     Together, the others change the prior predictive covariance of the observations by less than the share `ROUNDING`.
+    Columns without finite products are among them.
     """
     shares = np.diagonal(gram) * sizes**2 / factor
     order = np.argsort(shares)
-    return np.sort(order[np.cumsum(shares[order]) >= ROUNDING])
-
-
-def scaled_root(gram: Array, sizes: Array, factor: float, kept: np.ndarray) -> Array:
-    """Upper root `(k, k)` of products `(p, p)` of some columns in their prior sizes, and of the noise."""
-    own = sizes[kept]
-    return _root((gram if len(kept) == len(gram) else gram[np.ix_(kept, kept)]) * own[:, None] * own, factor)
+    return np.sort(order[~(np.cumsum(shares[order]) < ROUNDING)])
 
 
 def _root(matrix: Array, factor: float) -> Array:
