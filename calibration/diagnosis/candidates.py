@@ -53,7 +53,7 @@ class Beyond(NamedTuple):
         """Roots `(k, ...)` of what is taken of columns, by their products `(p, ...)` with those of the geometry."""
         own = through[self.kept]
         if not own.size:
-            return own
+            return np.asarray(own)
         found = blas.dtrmm(1.0, self.root.T, own.reshape(len(own), -1).T, side=1, lower=0, overwrite_b=1)
         return np.asarray(found.T.reshape(own.shape))
 

@@ -71,11 +71,13 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
     )
 
 
-def of_others(observations: Observations, term: Term, effects: tuple[Effect, ...]) -> Term:
-    """The term of other effects in the place of those of a term, from which they differ by a moment or an angle."""
+def of_others(
+    observations: Observations, term: Term, effects: tuple[Effect, ...], finer: Callable[[], Sequence[Term]]
+) -> Term:
+    """The term of other effects in the place of those of a term, from which they differ by a moment or a period."""
     assert term.parameters is not None
     arm = term.make.name if isinstance(term.make, Along) else None
-    return replace(term, make=_made(observations, effects, term.parameters, arm), effects=effects)
+    return replace(term, make=_made(observations, effects, term.parameters, arm), effects=effects, finer=finer)
 
 
 def together(terms: Sequence[Term]) -> Iterator[Term]:

@@ -161,9 +161,11 @@ def _at_marks(observations: Observations, jump: Term, at: At, points: Array, mar
         return _at_marks(observations, jump, at, points, [low, *some, high])
 
     return [
-        replace(
-            of_others(observations, jump, tuple(at(effect, float(points[own])) for effect in jump.effects)),
-            finer=partial(finer, low, own, high),
+        of_others(
+            observations,
+            jump,
+            tuple(at(effect, float(points[own])) for effect in jump.effects),
+            partial(finer, low, own, high),
         )
         for low, own, high in zip(marks, marks[1:], marks[2:], strict=False)
     ]

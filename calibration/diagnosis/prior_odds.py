@@ -41,9 +41,8 @@ def with_prior_odds(terms: Sequence[Term], priors: Priors) -> list[Term]:
         best = commonest[family]
         of_kind = kinds[terms[best].kind]
         of_family = odds[best] * max(of_kind) / sum(of_kind)
-        for number in numbers:
-            own = of_family * odds[number] / odds[numbers].sum()
-            found[number] = with_log_prior(terms[number], float(np.log(own)))
+        own = np.log(of_family * odds[numbers] / odds[numbers].sum()).tolist()
+        found.update((number, with_log_prior(terms[number], log)) for number, log in zip(numbers, own, strict=True))
     return [found[number] for number in range(len(terms))]
 
 

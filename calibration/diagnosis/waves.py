@@ -187,8 +187,12 @@ class Scan:
         ]
         near += [(turns, more) for more in WAVE_HARMONICS if more > harmonics]
         effect = msgspec.structs.replace(any_period.effects[0], period=period)
-        term = of_others(self.observations, any_period, (effect,))
-        return replace(term, finer=lambda: [self._wave(other, closer, count) for other, count in near])
+        return of_others(
+            self.observations,
+            any_period,
+            (effect,),
+            lambda: [self._wave(other, closer, count) for other, count in near],
+        )
 
     def sawteeth(self) -> Iterator[Term]:
         """Sawteeth near the likeliest periods, each at its likeliest offset."""

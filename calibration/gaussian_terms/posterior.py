@@ -45,7 +45,7 @@ class Equations:
         if not np.array_equal(known, some):
             found = self.gram[np.ix_(some, some)]
             self.__dict__["of_some"] = some, found
-        return found
+        return np.asarray(found)
 
     def beside(self, across: Array, columns: Array) -> Equations:
         """The equations with further whitened columns `(N, c)`, whose products with these are across `(p, c)`."""

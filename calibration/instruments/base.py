@@ -155,7 +155,7 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     @classmethod
     def uncertainty_keys(cls) -> list[str]:
         """Header keys of the standard uncertainties."""
-        return [field.name for field in msgspec.structs.fields(cls) if field.name.startswith("u_")]
+        return [name for name in cls.__struct_fields__ if name.startswith("u_")]
 
     @classmethod
     def is_header_key(cls, key: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,23 @@ from kinematics.transforms import Array
 
 COVERAGE_FACTOR = 2.0
 """k of expanded uncertainties U = k u: 95 % of a normal distribution (GUM, 6.3.3). A size above U is significant."""
+
+
+class Rows(tuple[tuple[float, ...], ...]):
+    """Rows of a matrix, as files have them; an array of them is made without a look at each number."""
+
+    _array: Array
+
+    @classmethod
+    def of(cls, matrix: Array) -> Rows:
+        """The rows of a matrix `(p, p)`."""
+        rows = cls(map(tuple, matrix.tolist()))
+        rows._array = np.array(matrix, float)
+        return rows
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        """The matrix, which may be written to."""
+        return self._array.astype(dtype or float, copy=copy is not False)
 
 
 def propagated(matrix: Array, covariance: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion, LocationError
 from kinematics.effects.base import unit_of
+from kinematics.error_model.covariance import Rows
 from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault, utf8_content
 from kinematics.error_model.effect_sums import Design, total_errors
 from kinematics.error_model.layout import to_json
@@ -89,7 +90,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             effect.with_parameters(values[part].tolist(), effect.u if u is None else u[part].tolist())
             for effect, part in zip(self.effects, self.slices, strict=True)
         )
-        rows = None if covariance is None else tuple(map(tuple, covariance.tolist()))
+        rows = None if covariance is None else Rows.of(covariance)
         return msgspec.structs.replace(self, effects=effects, covariance=rows)
 
     @property
@@ -154,7 +155,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         covariance = None
         if effects and self.covariance is not None:
             rows = np.repeat(kept, [part.stop - part.start for part in self.slices])
-            covariance = tuple(map(tuple, np.array(self.covariance)[np.ix_(rows, rows)].tolist()))
+            covariance = Rows.of(np.array(self.covariance)[np.ix_(rows, rows)])
         return msgspec.structs.replace(self, effects=effects, covariance=covariance)
 
     def errors(self, machine: Machine, state: State) -> Array:
