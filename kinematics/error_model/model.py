@@ -200,8 +200,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         if self.covariance is not None:
             variance = np.sum(design @ np.array(self.covariance) * design, axis=2)
         else:
-            u = np.array([v for effect in self.effects for v in effect.uncertainties])
-            variance = design**2 @ u**2
+            variance = design**2 @ np.square([u for effect in self.effects for u in effect.uncertainties])
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + additional))  # below zero by rounding only
 
     def unmeasured_variance(self, machine: Machine, state: State, transform: Array) -> Array:
