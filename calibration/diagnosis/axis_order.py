@@ -18,6 +18,7 @@ from calibration.diagnosis.search import LEAST_RETRIED_LOG_ODDS
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.measurement.measurement import Measurement
+from kinematics.transforms import Array
 
 
 def other_order(found: Structure) -> str:
@@ -43,8 +44,22 @@ def other_order(found: Structure) -> str:
 def _fitted(measurement: Measurement, found: Structure) -> Structure:
     """The structure of a measurement without causes; its noise is found again where that may make it likelier."""
     first = Structure.first(Data.of(Observations.of(measurement)))
-    sized = replace(first, noise=found.noise).with_sizes()
+    sized = replace(first, noise=found.noise, band_sizes=_sizes_of(first, found)).with_sizes()
     return sized.fitted() if sized.total > found.total + LEAST_RETRIED_LOG_ODDS else sized
+
+
+def _sizes_of(first: Structure, found: Structure) -> Array:
+    """Sizes of the bands to begin with: those of another structure without causes; else those before any data."""
+    sizes = first.band_sizes.copy()
+    if not found.terms:
+        known = dict(zip(_columns(found), found.sizes.tolist(), strict=True))
+        sizes[first.data.geometry.bands] = [known[column] for column in _columns(first)]
+    return sizes
+
+
+def _columns(structure: Structure) -> list[tuple[str, int]]:
+    """Name of the effect of each column of the geometry, and the number of the column in it."""
+    return [(effect.name, i) for effect in structure.data.geometry.effects for i in range(len(effect.parameters))]
 
 
 def _exchanged(measurement: Measurement) -> Iterator[Measurement]:
