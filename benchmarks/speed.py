@@ -355,7 +355,8 @@ reads the same moves (`rs274 -g`). Ratios are those within a round. Memory is th
 start is that of a short job beside a process that only imports NumPy (`benchmarks/cold_start.py`).
 
 Lines in bulk are read, moved and written in columns, together with the lines around them. The others are read one by
-one: comments, cycles, M functions, arcs among increments (G91), and moves that are split.
+one: comments, cycles but for the positions of G81 to G89, M functions, arcs among increments (G91), and moves that
+are split.
 All lines of a program count (`benchmarks/plain_share.py`). Before: another checkout, run in turn with this one
 (`--before CHECKOUT`, also `benchmarks/before_after.py`). The times of forms hold the start of the process. `verify`
 reads two programs of 200,000 blocks, `fit` 3,000 rows, `diagnose` 300. `benchmarks/speed_steps.py` writes the table of
