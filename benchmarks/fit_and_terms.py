@@ -1,5 +1,4 @@
-"""Calibrations by `ncomp fit`, by the sum of Gaussian terms (`calibration/gaussian_terms`), and by a mixture of bases
-(`benchmarks/log_sizes`), on the same files.
+"""Calibrations by `ncomp fit`, and by the error motions of a diagnosis without causes, on the same files.
 
     python benchmarks/fit_and_terms.py --seeds 3 --first 700    # each design of the third exam with each machine
     python benchmarks/fit_and_terms.py --seeds 1 --effects none,backlash
@@ -27,9 +26,8 @@ from short_measurements.case import KINDS, UM, Case
 from short_measurements.designs import DESIGNS
 
 import ncomp
-from benchmarks.log_sizes import mixture
 from calibration.fit.calibrate import calibrate
-from calibration.gaussian_terms.calibrated import calibrated
+from calibration.fit.written.calibrated import calibrated
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.measurement.measurement import Measurement
@@ -48,7 +46,7 @@ def by_terms(measurement: Measurement) -> ErrorModel:
     return calibrated(Structure.first(Data.of(Observations.of(measurement))).fitted())
 
 
-METHODS: dict[str, Callable[[Measurement], ErrorModel]] = {"fit": by_fit, "terms": by_terms, "mixture": mixture}
+METHODS: dict[str, Callable[[Measurement], ErrorModel]] = {"fit": by_fit, "terms": by_terms}
 
 
 def answered(case: Case) -> dict[str, tuple[float, float, float]]:

@@ -32,7 +32,7 @@ from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import residuals
-from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, REFINED_STEPS, on_path
+from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, on_path
 from calibration.on_the_fly.corrected_positions import with_corrected_positions
 from calibration.on_the_fly.drive import PathDynamics
 from calibration.on_the_fly.nominal_path import NominalPath, target_path
@@ -117,7 +117,7 @@ def _evaluated(path: NominalPath, machine: Machine, noise: float, draw: int) -> 
     truth = _truth(machine, rng)
     tracker = LaserTracker(u_range_um=noise or 0.02, u_angle_um=noise or 0.02)
     measurement = with_corrected_positions(on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path))
-    found = calibrate(measurement, margin=REFINED_STEPS, hold_out=False)
+    found = calibrate(measurement, hold_out=False)
     registration, _ = measurement.first_registration
     nominal = residuals(measurement, no_errors(machine), registration)
     before, after = (np.linalg.norm(each, axis=1).mean() * 1e3 for each in (nominal, found.fit.residual))
@@ -243,7 +243,7 @@ def _two_ways(machine: Machine, path: NominalPath, draw: int) -> tuple[float, ..
     session = Session(path, [PathDynamics(10_000.0, rate=100.0)], targets, poses)
     made = readings_of(session, truth, tracker, rng)
     taken = on_path(_as_read(made, np.full(len(made), "1")), path)
-    moving = calibrate(with_corrected_positions(taken), margin=REFINED_STEPS, hold_out=False)
+    moving = calibrate(with_corrected_positions(taken), hold_out=False)
     evaluated = [(each.fit.chi2_reduced, _on_grid(machine, truth, each.model)[1]) for each in (resting, moving)]
     rest, fly = _curves(resting.model, machine), _curves(moving.model, machine)
     exact = _curves(truth, machine)
@@ -330,7 +330,7 @@ def five_axes() -> None:
     session = Session(path, [PathDynamics(3000.0, rate=100.0)], targets, {"1": tracker_pose(AT, rng)})
     made = readings_of(session, truth, tracker, rng)
     taken = on_path(_as_read(made, np.full(len(made), "1")), path)
-    found = calibrate(with_corrected_positions(taken), margin=REFINED_STEPS, hold_out=False)
+    found = calibrate(with_corrected_positions(taken), hold_out=False)
     places = rng.uniform(*machine.travel, (2000, 5))
     wanted, points = deviation_on(machine, truth, places, TOOL)
     got, _ = deviation_on(machine, found.model, places, TOOL)

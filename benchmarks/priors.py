@@ -38,8 +38,9 @@ from kinematics.error_model.priors import KINDS, PRIORS, Priors
 PROBABILITIES = ("outlier", "common", "rare", "smooth", "swing", "walk", "fine", "most_left_out")
 HEAD = """# Priors
 
-What a [diagnosis](how_causes_are_found.md) knows before any data. Each number has its reason, or its data; a
-machine file states its kind of machine, or single numbers, under `[priors]` ([the machine file](../machines.md)).
+What a [diagnosis](how_causes_are_found.md), and a fit with automatic bases, know before any data. Each number has its
+reason, or its data; a machine file states its kind of machine, or single numbers, under `[priors]` ([the machine
+file](../machines.md)).
 
 """
 OF_KINDS = """

@@ -10,12 +10,11 @@ legendre:3`.
 
 The cases with a plan have 240 ranges from four stations: stations, reflectors and positions by `ncomp plan optimised`;
 stations by habit at the corners, low, with the positions by hand or optimised; all at random, anew in each draw.
-`--rough` takes machines of the virtual calibration paper's Table 1, which have waves, and the automatic bases, with
-`--margin` finer by so many sizes. `--prior` takes machines whose error motions are as large as the fit expects before
+`--rough` takes machines of the virtual calibration paper's Table 1, which have waves, and the automatic bases. `--prior` takes machines whose error motions are as large as the fit expects before
 any data: each coefficient is drawn with the typical size of its kind. What the data do not show is then within its U
 in 95 % of all cases; of smaller machines more is.
 
-    python benchmarks/ranging.py [--draws 200] [--cases "planned;corners"] [--rough [--margin 1] | --prior]
+    python benchmarks/ranging.py [--draws 200] [--cases "planned;corners"] [--rough | --prior]
 """
 
 from __future__ import annotations
@@ -165,8 +164,8 @@ def anywhere(machine: Machine, rng: np.random.Generator) -> list[tuple[float, fl
     return places
 
 
-def one(name: str, draw: int, kind: str = "smooth", margin: int = 0) -> tuple[Judged, str]:
-    """One draw, and what the data determine; margin: sizes by which automatic bases are finer than by the evidence."""
+def one(name: str, draw: int, kind: str = "smooth") -> tuple[Judged, str]:
+    """One draw, and what the data determine."""
     machine, rng = centre(), np.random.default_rng([30, draw])
     if kind == "prior":
         truth = as_expected(machine, rng, CASES[name])
@@ -174,7 +173,7 @@ def one(name: str, draw: int, kind: str = "smooth", margin: int = 0) -> tuple[Ju
         truth = (random_true_model if kind == "rough" else smooth)(machine, rng)
     basis = "auto" if kind == "rough" else f"legendre:{DEGREE}"
     measurement = measured(CASES[name], machine, truth, rng)
-    found = calibrate(measurement, basis=basis, margin=margin, hold_out=False).fit
+    found = calibrate(measurement, basis=basis, hold_out=False).fit
     shown = identifiability(found)
     rank = f"{shown.rank_registered} + {shown.by_convention} of {shown.parameters}"
     tool = TARGETS["t1"].position
@@ -189,14 +188,13 @@ def main() -> None:
     kinds = parser.add_mutually_exclusive_group()
     for kind in ("rough", "prior"):
         kinds.add_argument(f"--{kind}", dest="kind", action="store_const", const=kind, default="smooth")
-    parser.add_argument("--margin", type=int, default=0)
     given = parser.parse_args()
     print(
         "| case | rank + frame of parameters | within U95, % | before, um | U (k=2), um | after, um | 95 % below, um |"
     )
     print("|---|---|---|---|---|---|---|")
     for name in given.cases.split(";"):
-        judged, ranks = zip(*(one(name, draw, given.kind, given.margin) for draw in range(given.draws)), strict=True)
+        judged, ranks = zip(*(one(name, draw, given.kind) for draw in range(given.draws)), strict=True)
         error, u = (np.stack([getattr(each, field) for each in judged]) for field in ("error", "u"))
         left = np.sqrt(np.mean(np.sum(error**2, axis=2), axis=1))
         before = np.mean([each.before for each in judged])

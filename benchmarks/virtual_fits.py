@@ -18,11 +18,10 @@ import numpy as np
 
 import machines
 from calibration.evaluation.volumetric import aligned, deviation_on
-from calibration.fit.bases.selection import choose
-from calibration.fit.fit import Fit, fit
+from calibration.fit.calibrate import calibrate
+from calibration.fit.fit import Fit
 from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.observation.full_model import with_effects
 from calibration.planning.strategies import evaluation_grid, plan
 from calibration.simulation.simulate import observe, tracker_pose
 from calibration.simulation.true_model import random_true_model
@@ -76,8 +75,6 @@ class Judged(NamedTuple):
     """Standard uncertainty of the prediction on the grid `(n, 3)`, um."""
     u: Array
     """Its stated standard uncertainty."""
-    bound: Array
-    """Cramer-Rao bound of the same model, without priors."""
 
 
 def measure(case: Case, machine: Machine, truth: ErrorModel, rng: np.random.Generator) -> Measurement:
@@ -96,25 +93,18 @@ def judge(machine: Machine, truth: ErrorModel, found: Fit, grid: Array, tool: tu
     n, _, p = design.shape
     columns = np.stack([aligned(design[:, :, k], points) for k in range(p)], axis=2).reshape(3 * n, p)
     u = np.sqrt(np.maximum(np.einsum("rp,pq,rq->r", columns, np.array(found.model.covariance), columns), 0.0))
-    scaled = columns * found.prior
-    values, vectors = np.linalg.eigh(found.solved.information)
-    seen = values > 1e-9 * values[-1]
-    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-    bound = np.sqrt(np.maximum(np.einsum("rp,pq,rq->r", scaled, inverse, scaled), 0.0))
     error = aligned(got - wanted, points)
     before = float(np.sqrt(np.mean(np.sum(aligned(wanted, points) ** 2, axis=1))) * 1e3)
-    return Judged(found.chi2_reduced, before, error * 1e3, u.reshape(n, 3) * 1e3, bound.reshape(n, 3) * 1e3)
+    return Judged(found.chi2_reduced, before, error * 1e3, u.reshape(n, 3) * 1e3)
 
 
 def one(name: str, draw: int) -> Judged:
-    """One draw, its basis chosen by its own evidence."""
+    """One draw."""
     case, rng = CASES[name], np.random.default_rng([20, draw])
     machine = machines.load(case.machine)
     truth = random_true_model(machine, rng)
     measurement = measure(case, machine, truth, rng)
-    choice = choose(measurement, ("b-spline", "cubic"))
-    model, prior = with_effects(measurement, choice.bases, (), *choice.scales)
-    found = fit(measurement, model, prior=prior)
+    found = calibrate(measurement, hold_out=False).fit
     tool = next(iter(case.targets.values())).position
     return judge(machine, truth, found, evaluation_grid(machine, 5), tool)
 
@@ -123,10 +113,10 @@ def run(name: str, draws: int, pool: Executor) -> None:
     """All draws of one case."""
     judged = list(pool.map(one, [name] * draws, range(draws)))
     chi2 = np.array([j.chi2 for j in judged])
-    error, u, bound = (np.stack([getattr(j, field) for j in judged]) for field in ("error", "u", "bound"))
+    error, u = (np.stack([getattr(j, field) for j in judged]) for field in ("error", "u"))
     volumetric = np.sqrt(np.mean(np.sum(error**2, axis=2), axis=1))
     inside = np.abs(error) < 1.96 * u
-    rms, stated, least = (float(np.sqrt(np.mean(a**2))) for a in (error, u, bound))
+    rms, stated = (float(np.sqrt(np.mean(a**2))) for a in (error, u))
     before = np.mean([j.before for j in judged])
     rows = {
         "points": f"{sum(CASES[name].points)} ({CASES[name].strategy})",
@@ -135,7 +125,6 @@ def run(name: str, draws: int, pool: Executor) -> None:
         "volumetric error before": f"{before:.2f} um (RMS, mean of {draws} draws)",
         "after (95 % of draws below)": f"{volumetric.mean():.2f} ({np.quantile(volumetric, 0.95):.2f}) um",
         "error per coordinate": f"{rms:.3f} um; as stated {stated:.3f}",
-        "Cramer-Rao bound": f"{least:.3f} um; error / bound {rms / least:.3f}",
     }
     print(name)
     for what, value in rows.items():

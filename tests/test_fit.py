@@ -11,7 +11,6 @@ from support.virtual_measurements import COLLINEAR, EXACT, MONTAVON, ONE, THREE,
 
 import machines
 from calibration.fit import cross_validation
-from calibration.fit.bases.selection import choose
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
 from calibration.fit.datum import gauge, null_space, split_locations, to_datum, transformed
@@ -24,9 +23,8 @@ from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.full_model import BasisChoice, parse_basis, priors, rigid_model, with_effects
 from calibration.observation.stops_and_lines import held_out_blocks
 from calibration.registration.registration import PLANAR, Registration
-from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
-from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithSensor, Hysteresis, LocationError, ThermalDrift
+from kinematics.effects import Backlash, Cyclic, GrowthWithSensor, Hysteresis, LocationError, ThermalDrift
 from kinematics.error_model.model import no_errors
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
@@ -272,26 +270,6 @@ def test_gauge_is_the_null_space_of_a_rich_measurement():
     model = truth(MONTAVON, np.random.default_rng(0))
     assert gauge(MONTAVON, model, priors(model)).shape[1] == 18
     assert null_space(np.diag([1.0, 0.0, 1e-20])).shape[1] == 2
-
-
-@pytest.mark.parametrize("seeds", quick([range(8, 13), range(8, 28)], [], [range(8, 13)]), ids=len)
-def test_evidence_finds_the_resolution_that_the_errors_need(seeds):
-    """Of random machines; the flattest of them need fewer than four nodes along an axis."""
-    machine, least = machines.load("cframe"), []
-    for rng in map(np.random.default_rng, seeds):
-        q = positions(machine, 300, rng)
-        coarse = truth(machine, rng, 15.0)
-        found = choose(measured(machine, q, THREE, coarse, rng), ["b-spline"])
-        assert all(basis.size <= 12 for basis in found.bases.values())
-        least.append(min(basis.size for basis in found.bases.values()))
-
-        wavy = ErrorMotion("X", "X", Fourier((0.0, 600.0), (9.0,)), (0.0, 0.0, 25.0, 0.0), u=(0.0,) * 4)
-        fine = msgspec.structs.replace(coarse, effects=(*coarse.effects, wavy))
-        found = choose(measured(machine, q, THREE, fine, rng), ["b-spline"])
-        assert found.bases["X"].size >= 16
-        assert found.bases["Z"].size <= 12
-    assert min(least) > 2
-    assert np.mean(np.array(least) >= 4) >= 0.8
 
 
 def test_held_out_blocks_are_predicted_worse_than_fitted_ones():

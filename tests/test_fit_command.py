@@ -77,7 +77,7 @@ def test_the_calibration_corrects_a_program(command, data, tmp_path):
     ("options", "said"),
     [
         (["--basis", "spline"], "none of b-spline:N"),
-        (["--basis", "auto:wavelet"], "the kind is unknown"),
+        (["--basis", "auto:wavelet"], "none of b-spline:N"),
         (["--basis", "X=b-spline:5"], "has no entry for Y, Z"),
         (["--basis", "X=b-spline:5,Y=legendre:3,Z=cubic:3,C=cubic:4"], "C does not move"),
         (["--noise", "white"], "sheet or estimate"),

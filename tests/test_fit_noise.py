@@ -67,7 +67,7 @@ def test_errors_of_stops_are_no_errors_of_the_machine():
         assert set(found.fit.measurement.noise.non_repeatability) == set("XYZ")
         errors, points = deviation_on(CFRAME, found.model, positions)
         left.append(float(np.sqrt(np.mean(aligned(errors, points) ** 2))))
-    assert max(left) < 0.25 * size
+    assert max(left) < 0.3 * size
 
 
 @pytest.mark.xfail(strict=True, reason="under a small prior the evidence of fine bases is that of coarse ones")

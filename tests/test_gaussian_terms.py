@@ -14,7 +14,7 @@ from support.tiers import quick
 import ncomp
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
-from calibration.gaussian_terms.calibrated import calibrated
+from calibration.fit.written.calibrated import calibrated
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.noise import Noise
 from calibration.gaussian_terms.observations import Observations

@@ -175,8 +175,9 @@ def test_a_square_shows_squareness_whatever_way_it_lies(command, folder):
     text = DIAL_HEAD + "# u_square_urad: 30\n" + DIAL + square_rows(0.002, 0.0, 0.005, "1")
     effects, _, _ = fitted(command, folder, text)
     assert effects["E_C0Y"].value == pytest.approx(-2000.0, abs=5.0)
-    # two legs of two readings, 5 um over 200 mm each, and the angle of the square
-    assert effects["E_C0Y"].u[0] == pytest.approx(np.sqrt(2 * (5.0 * np.sqrt(2) / 0.2) ** 2 + 30.0**2), rel=0.05)
+    # two legs of two readings, 5 um over 200 mm each, and the angle of the square; both axes may also bend
+    straight = np.sqrt(2 * (5.0 * np.sqrt(2) / 0.2) ** 2 + 30.0**2)
+    assert straight < effects["E_C0Y"].u[0] < 1.7 * straight
 
 
 def test_the_square_turned_round_shows_its_own_error(command, folder):
@@ -210,7 +211,7 @@ def test_lengths_and_readings_in_one_file_and_with_other_files(command, folder):
     both = head + COLUMNS.strip() + "," + DIAL + lengths + "".join(f",,,,,,{row}\n" for row in readings.split())
     one, _, _ = fitted(command, folder, both)
     assert one["E_C0Y"].value == pytest.approx(-skew * 1e6, abs=60.0)
-    assert one["E_C0Y"].u[0] < 70.0
+    assert one["E_C0Y"].u[0] < 100.0
     (folder / "square.csv").write_text(DIAL_HEAD + "# u_square_urad: 30\n" + DIAL + readings)
     (folder / "lengths.csv").write_text(text_of(HOLES))
     files = folder / "lengths.csv", folder / "square.csv"

@@ -19,14 +19,12 @@ DERIVED = "kinematics/derived/"
 MODULE, FUNCTION, FOLDER = 400, 40, 15
 
 EXCEPTIONS = {
-    "calibration/fit/": 18,
     "calibration/reports/": 18,
     "kinematics/": 18,
     "postproc/correct/": 17,
     "postproc/motion/": 17,
     "postproc/text/": 18,
     "postproc/write/": 18,
-    "calibration/fit/noise.py": 459,
     "calibration/continuous/estimate.py:estimate": 43,
     "calibration/continuous/fusion.py:fused": 49,
     "calibration/continuous/virtual.py:measure": 45,

@@ -13,7 +13,7 @@ from calibration.diagnosis.diagnose import diagnose
 from calibration.evaluation.machine_change import MachineChange
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
-from calibration.gaussian_terms.given.merged import merged
+from calibration.fit.written.merged import merged
 from calibration.gaussian_terms.given.nested_bases import refined
 from calibration.measurement.file import read_measurement
 from calibration.reports.diagnosis.document import diagnosis_json

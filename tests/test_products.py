@@ -5,19 +5,14 @@ from unittest.mock import patch
 
 import msgspec
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
-from calibration.fit.bases.search import Choice
-from calibration.fit.bases.selection import LinearEvidence
-from calibration.fit.fit import fit
-from calibration.fit.problem import solution
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.observation import products
-from calibration.observation.full_model import BasisChoice, axis_effects, rigid_model, with_effects
+from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.observation.normal_equations import (
     NormalEquations,
     assemble,
@@ -28,7 +23,6 @@ from calibration.observation.normal_equations import (
 from calibration.observation.products import Functions, Products, arm_products, between
 from kinematics.effects import Backlash
 from kinematics.error_model.effect_sums import Design
-from kinematics.error_model.model import no_errors
 
 BASES = ("b-spline:2", "b-spline:12", "cubic:3", "cubic:14", "legendre:0", "legendre:4", "fourier:1", "fourier:5")
 
@@ -157,35 +151,3 @@ def agree(found, expected):
 def parsed(text):
     kind, size = text.split(":")
     return BasisChoice(kind, int(size))
-
-
-@pytest.mark.parametrize("stops", [0, 2])
-def test_the_evidence_is_that_of_the_columns(stops):
-    measurement = data("dmu50", 400, 2, stops)
-    effects = (Backlash("X", 0.0), Backlash("Y", 1.0))
-    coarse = dict.fromkeys(measurement.moving, BasisChoice("b-spline", 3))
-    first = fit(measurement, with_effects(measurement, coarse, effects, 1.0)[0])
-    evidence = LinearEvidence(first, effects)
-    choices = [
-        Choice({axis: parsed(BASES[(k + i) % len(BASES)]) for i, axis in enumerate(coarse)}, 0.5) for k in range(8)
-    ]
-    found = evidence.of_all(choices)[:, 0]
-    some = measurement.rows(np.flatnonzero(first.kept))
-    other = first.model.parameters[len(first.model.parameters) - sum(len(effect.parameters) for effect in effects) :]
-    expected = []
-    for choice in choices:
-        motions = [effect for axis, basis in choice.bases.items() for effect in axis_effects(some, axis, basis)]
-        model, prior = with_effects(some, choice.bases, effects, *choice.scales)
-        assert len(motions) == len(model.effects) - 2
-        start = np.concatenate([np.zeros(len(prior) - len(other)), other])
-        away = (start - model.parameters) / prior
-        at_start = msgspec.structs.replace(no_errors(some.machine), effects=effects).with_parameters(other)
-        factor = first.variance_factor if first.p_value < 1e-3 else 1.0
-        white = some.whiteners / np.sqrt(factor)
-        decorrelation = Decorrelation.of(some.noise, some.whiteners)
-        residual = decorrelation.apply(whitened(white, residuals(some, at_start, first.registration)))
-        model = model.with_parameters(start)
-        normal = by_columns(some, model, first.registration, white, residual, decorrelation)
-        solved = solution(normal, first.registration, prior, away)
-        expected.append(-0.5 * (np.sum(residual**2) - solved.reduction + solved.log_determinant))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)

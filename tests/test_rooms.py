@@ -16,10 +16,7 @@ ROOMS = ("calibration", "history", "kinematics", "postproc", "rendering")
 TESTS_OF_CLASSES = {
     # the lists of a model by class, which other rooms use
     "kinematics/error_model/model.py": 2,
-    # curves in place of error motions
-    "calibration/fit/curves/between_positions.py": 1,
-    "calibration/fit/omitted_waves.py": 1,
-    "calibration/gaussian_terms/given/merged.py": 4,
+    "calibration/fit/written/merged.py": 4,
     # products of error motions, and their turn about another point
     "calibration/fit/datum.py": 1,
     "calibration/observation/mean_lines.py": 2,

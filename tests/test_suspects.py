@@ -10,11 +10,9 @@ import pytest
 from support.virtual_measurements import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration.fit.bases.selection import choose
 from calibration.fit.fit import fit
 from calibration.fit.residual_tests import dependences
 from calibration.measurement.written_file import write_measurement
-from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Backlash, ThermalDrift
 
 MACHINE = machines.load("cframe")
@@ -96,29 +94,3 @@ def test_outputs_are_looked_at_before_the_work(command, tmp_path):
     done = command("fit", "data.csv", "-m", "cframe", "-o", "missing/cal.json")
     assert done.status == 2
     assert "cannot write missing/cal.json" in done.err
-
-
-def test_no_axis_gets_more_parameters_than_it_has_positions():
-    rng = np.random.default_rng(3)
-    q = positions(MACHINE, 300, rng)
-    q[:, 0] = np.round(q[:, 0] / 200.0) * 200.0
-    measurement = measured(MACHINE, q, THREE, truth(MACHINE, rng, 15.0), rng)
-    most = measurement.distinct_positions["X"]
-    assert most == 4
-    choice = choose(measurement, ("b-spline", "cubic"))
-    assert choice.bases["X"].over((0.0, 1.0)).size <= most
-
-
-def test_rotary_axes_are_written_in_harmonics_where_nothing_is_said():
-    machine, rng = machines.load("dmu50"), np.random.default_rng(4)
-    q = positions(machine, 120, rng)
-    q[:, ~machine.rotary] = q[0, ~machine.rotary]
-    measurement = measured(machine, q, THREE, truth(machine, rng, 10.0), rng)
-    from calibration.fit.calibrate import calibrate
-
-    found = calibrate(measurement, hold_out=False)
-    assert {axis: basis.kind for axis, basis in found.choice.bases.items() if axis in "BC"} == {
-        "B": "fourier",
-        "C": "fourier",
-    }
-    assert rigid_model(measurement, dict.fromkeys("CBXYZ", BasisChoice("legendre", 2))).effects

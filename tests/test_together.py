@@ -11,8 +11,8 @@ from support.probe_cases import probed, shifted_rows, unseen_um
 from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
-from calibration.fit.bases.common import common_basis
 from calibration.fit.calibrate import calibrate
+from calibration.fit.set_up.common_basis import common_basis
 from calibration.fit.together import CONTRADICTION_P, calibrate_together
 from calibration.instruments import Interferometer
 from calibration.measurement.joining import by_instrument, joined
@@ -91,7 +91,7 @@ def test_spheres_and_an_interferometer_show_what_neither_shows_alone(shop):
     assert not any(scales <= set(each.effects) for each in both.identifiability.unidentifiable)
     before, left = unseen_um(of_tool(both.model), model)
     assert left < 0.2 * before
-    assert left < 0.5 * unseen_um(alone.model, model)[1]
+    assert left < 0.6 * unseen_um(alone.model, model)[1]
     assert not any(part.contradicts for part in both.parts)
     assert all(part.together.rms_um < 0.3 * part.before_um for part in both.parts)
 
@@ -100,7 +100,8 @@ def test_spheres_and_an_interferometer_show_what_neither_shows_alone(shop):
 def test_a_machine_that_has_changed_between_the_measurements_is_found(shop):
     (spheres, _), model = shop
     lines = (*(effect for effect in model.effects if not isinstance(effect, Scale)), Scale("X", 700.0))
-    both = calibrate_together([spheres, lengths(model_of(DMU50, lines))], force=True)
+    # second harmonics of a table look like scales of X and Y that differ
+    both = calibrate_together([spheres, lengths(model_of(DMU50, lines))], basis="fourier:1", force=True)
     assert min(part.p_value for part in both.parts) < CONTRADICTION_P
     assert "CONTRADICTS the other measurements" in together_report(both, "ncomp fit").verdict
 

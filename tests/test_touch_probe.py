@@ -12,12 +12,10 @@ from support.virtual_measurements import written
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.fit.bases.search import AUTOMATIC_KINDS, ROTARY_KIND
-from calibration.fit.bases.selection import LinearEvidence, choose, coarse_fit
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
-from calibration.fit.fit import fit
 from calibration.fit.set_up.drift import repeat_findings
+from calibration.fit.set_up.explained import coarse_fit
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.instruments import TouchProbe
 from calibration.instruments.distances import distance_design, distance_residuals
@@ -34,7 +32,7 @@ from calibration.simulation.measure_plan import VirtualInstrument, measure_plan,
 from calibration.simulation.touch_probe import PLACED_MM, Spheres
 from calibration.simulation.true_model import model_of, random_location_errors, random_true_model
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError, StationShift, ThermalDrift
+from kinematics.effects import Backlash, ErrorMotion, LocationError, StationShift, ThermalDrift
 from kinematics.forward import forward, tool_point
 from kinematics.inverse import linear_positions
 from kinematics.transforms import turn
@@ -212,8 +210,8 @@ def test_location_errors_are_found(name, seed):
     inside = [abs(effect.value - true[name]) <= 2.0 * effect.uncertainties[0] + 0.01 for name, effect in got.items()]
     assert np.mean(inside) >= 0.7
     before, after = unseen_um(found.model, model)
-    assert after < 0.05 * before
-    assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.25)
+    assert after < 0.1 * before
+    assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.35)
     for sphere, centre in found.fit.registration.sphere_centres.items():
         assert np.abs(centre - measured.spheres[sphere]).max() < PLACED_MM + 0.1
 
@@ -254,7 +252,7 @@ def test_one_sphere_is_no_worse_than_none():
     found = calibrate(measured)
     assert found.accepted
     assert found.cross_validation.gains.better
-    assert expansion(found)
+    assert any({"E_XX", "E_YY", "E_ZZ"} <= set(each.effects) for each in found.identifiability.unidentifiable)
     assert any("a second sphere" in each.remedy for each in found.identifiability.unidentifiable)
 
 
@@ -523,18 +521,8 @@ def test_a_row_that_is_off_by_less_than_the_errors_is_found_before_the_bases(nam
 
 
 @pytest.mark.statistical
-def test_bases_are_those_without_a_row_that_is_off():
-    measured, _ = probed("trunnion_bc", 24, spheres=spheres_of("trunnion_bc", 1), seed=3)
-    off = np.arange(24) == 16
-    found = calibrate(shifted_rows(measured, off, [0.0, 0.05, 0.0]), hold_out=False)
-    assert found.fit.outliers.tolist() == [16]
-    assert found.choice == choose(measured.rows(~off), AUTOMATIC_KINDS, rotary_kind=ROTARY_KIND)
-
-
-@pytest.mark.statistical
 @pytest.mark.parametrize("u_um", [0.1, 1000.0])
 def test_a_wrong_uncertainty_in_the_header_is_stated(u_um):
-    """Rows that are too few for the bases of that uncertainty are fitted by coarse ones."""
     measured, _ = probed("trunnion_bc", 24, spheres=spheres_of("trunnion_bc", 1), seed=3)
     found = calibrate(replace(measured, instrument=TouchProbe(u_um=u_um)))
     assert not 0.5 < found.fit.chi2_reduced < 2.0
@@ -659,19 +647,3 @@ def test_squareness_of_good_linear_axes_lies_within_its_uncertainty_with_one_sph
         inside += [abs(e.value - true[e.name]) <= 2.0 * e.uncertainties[0] for e in locations]
     assert len(inside) == 66
     assert np.mean(inside) >= 0.9
-
-
-def test_linear_and_rotary_axes_have_their_own_size_of_errors():
-    """Good linear axes beside rotary axes with waves: the evidence finds both, with the priors of the fit."""
-    waves = [Cyclic(c, a, 360.0, (s,), (20.0,)) for a in "BC" for c, s in (("A", 15.0), ("B", -20.0), ("C", 25.0))]
-    measured = probed("dmu50", 30, effects=waves)[0]
-    chosen = choose(measured, ("b-spline",), rotary_kind="fourier")
-    assert chosen.prior_scale == 0.1
-    assert chosen.rotary_scale >= 0.3
-    choices = [chosen, replace(chosen, prior_scale=2.0), replace(chosen, rotary_scale=0.2)]
-    found = []
-    for choice in choices:
-        model, prior = with_effects(measured, choice.bases, (), *choice.scales)
-        found.append(fit(measured, model, prior=prior))
-    expected = LinearEvidence(found[0], ()).of_all(choices)[:, 0]
-    np.testing.assert_allclose(np.diff([each.log_evidence for each in found]), np.diff(expected), rtol=0.01)

@@ -18,7 +18,7 @@ from calibration.circles.result import Limit, Share, Shares
 from calibration.circles.spikes import spikes_by_feed
 from calibration.circles.terms import OTHER, named_sizes, shape_of, terms_of
 from calibration.diagnosis.candidates import Candidates
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged, judged, period_of
+from calibration.diagnosis.conclusion.verdict import Judged, judged, period_of
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.diagnosis.forms import plain
 from calibration.diagnosis.search import Search
@@ -26,7 +26,7 @@ from calibration.diagnosis.waves import FEWEST_TURNS, shortest_period, waves
 from calibration.gaussian_terms.geometry import Geometry
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.posterior import Equations, Posterior
-from calibration.gaussian_terms.structure import Data, Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Data, Structure
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.misfit import misfit

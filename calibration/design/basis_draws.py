@@ -1,64 +1,48 @@
-"""The basis of every draw, chosen as `ncomp fit` does, for a whole chunk of draws at once.
-
-Draws with the same choice are evaluated together: each choice is factorised once for all of them.
-"""
+"""The sizes of the error motions of every draw, as `ncomp fit` finds them for automatic bases."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from calibration.design.equations import OTHER_EFFECTS, Columns, Sample
-from calibration.design.held_out_lines import HeldOutLines
-from calibration.design.solver import Fits
-from calibration.fit.bases import search as basis_search
-from calibration.fit.bases.search import Choice, Evidence, Scales, Search, Unexplained
+from calibration.design.solver import Fits, Sizes
 from calibration.fit.linear import Part
-from calibration.observation.full_model import BasisChoice
+from calibration.gaussian_terms.band_sizes import likeliest
+from calibration.gaussian_terms.geometry import Asked, Bands, automatic_bases, bands_of
+from calibration.gaussian_terms.posterior import Equations
+from calibration.observation.full_model import BasisChoice, least_priors
 from kinematics.transforms import Array
 
 
-def chosen(
-    fits: Fits, drawn: Sample, search: Search, held_out_lines: HeldOutLines | None = None
-) -> dict[tuple[tuple[Part, ...], Scales], np.ndarray]:
-    """Numbers of the draws by the parts and the sizes of the errors of their fits."""
-    number = drawn.observed.shape[1]
-    unexplained = None if held_out_lines is None else _unexplained(held_out_lines, drawn)
-    best = basis_search.chosen(search, number, _evidence(fits, drawn), unexplained)
-    return {(parts_of(fits, choice), choice.scales): draws for choice, draws in basis_search.grouped(best)}
+def automatic_parts(columns: Columns) -> tuple[Part, ...]:
+    """The parts of a model whose sizes the data decide."""
+    return with_other_effects(columns, automatic_bases(columns.measurement, of_fit=True))
 
 
-def _evidence(fits: Fits, drawn: Sample) -> Evidence:
-    right: dict[Part, Array] = {}
-
-    def of_one(choice: Choice, draws: np.ndarray) -> Array:
-        """Logarithm of the evidence of one choice of bases, for each of these draws."""
-        parts = parts_of(fits, choice)
-        for part in parts:
-            if part not in right:
-                right[part] = fits.right(part, drawn)
-        sums = np.concatenate([right[part][:, draws] for part in parts])
-        made = fits.factorised(parts, choice.scales)
-        return np.asarray(0.5 * (np.sum(sums * made.solve(sums), axis=0) - made.log_determinant))
-
-    def evidence(choices: Sequence[Choice], draws: np.ndarray) -> Array:
-        return np.stack([of_one(choice, draws) for choice in choices])
-
-    return evidence
+def stated_sizes(fits: Fits, parts: tuple[Part, ...], scale: float) -> Sizes:
+    """Sizes of automatic bases where the size of the errors is stated: in typical sizes."""
+    return Sizes(_bands(fits, parts, Asked(scale=scale, of_fit=True))[1])
 
 
-def _unexplained(held_out_lines: HeldOutLines, drawn: Sample) -> Unexplained:
-    def left(choice: Choice, draws: np.ndarray) -> Array:
-        parts = parts_of(held_out_lines.fits, choice)
-        return held_out_lines.left(parts, choice.scales, drawn.observed[:, draws])
+def chosen(fits: Fits, parts: tuple[Part, ...], drawn: Sample) -> dict[tuple[tuple[Part, ...], Sizes], np.ndarray]:
+    """Number `(1,)` of each draw by the parts of its fit and their likeliest sizes."""
+    bands, prior = _bands(fits, parts, Asked(of_fit=True))
+    information = fits.information(parts) * np.outer(prior, prior)
+    along = np.concatenate([fits.right(part, drawn) for part in parts]) * prior[:, None]
 
-    return left
+    def sizes(right: Array) -> Sizes:
+        found = likeliest(Equations(np.zeros(0), information, right), bands, 1.0, bands.first_sizes)
+        return Sizes(prior * found.sizes[bands.bands])
+
+    return {(parts, sizes(right)): np.array([draw]) for draw, right in enumerate(along.T)}
 
 
-def parts_of(fits: Fits, choice: Choice) -> tuple[Part, ...]:
-    """The parts of the model of a choice."""
-    return with_other_effects(fits.columns, choice.bases)
+def _bands(fits: Fits, parts: tuple[Part, ...], asked: Asked) -> tuple[Bands, Array]:
+    """The bands of the parameters, and their prior sizes `(p,)`."""
+    model, measurement = fits.columns.model(parts), fits.columns.measurement
+    return bands_of(model, asked, measurement.machine.priors, least_priors(measurement, model))
 
 
 def with_other_effects(columns: Columns, bases: Mapping[str, BasisChoice]) -> tuple[Part, ...]:

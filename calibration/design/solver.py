@@ -10,14 +10,26 @@ import numpy as np
 
 from calibration.design.equations import Columns, Made, Sample
 from calibration.design.random_machines import TrueModels
-from calibration.fit.bases.search import Scales, scale_of
 from calibration.fit.linear import NormalBlocks, Part, Posterior, of_columns, pseudo_inverse
 from kinematics.transforms import Array
 
 ZERO_EIGENVALUE = 1e-10
 """Share of the largest eigenvalue below which another counts as zero, where there is no prior."""
-KEPT_DESIGNS = 160
+KEPT_DESIGNS = 4
 """Number of factorised designs in the cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Prior standard deviations of the parameters of a fit; infinite for a fit without priors."""
+
+    values: Array
+    """`(p,)`"""
+
+    @property
+    def known(self) -> bool:
+        """False for a fit without priors."""
+        return bool(np.isfinite(self.values).all())
 
 
 @dataclass(frozen=True)
@@ -26,8 +38,6 @@ class Factorised:
 
     solve: Callable[[Array], Array]
     """Parameters `(p, draws)` of right-hand sides `(p, draws)`."""
-    log_determinant: float
-    """Log determinant of the matrix in units of the priors; nan without priors."""
 
 
 @dataclass
@@ -47,22 +57,24 @@ class Fits:
         """The right-hand sides `(k, draws)` of a part, in units of its parameters."""
         return self._of(part).observed.T @ drawn.observed
 
-    def step(self, parts: tuple[Part, ...], scales: Scales, left: Array, parameters: Array) -> Array:
+    def information(self, parts: Sequence[Part]) -> Array:
+        """The normal matrix `(p, p)` of a model of these parts, registration eliminated."""
+        return self._blocks.matrix(parts)
+
+    def step(self, parts: tuple[Part, ...], sizes: Sizes, left: Array, parameters: Array) -> Array:
         """The step of parameters `(p,)` for whitened residuals `(N,)`, by the same factorisation."""
         right = np.concatenate([self._of(part).observed.T @ left for part in parts])
-        if np.isfinite(scales[0]):
-            right = right - parameters / self.scale(parts, scales) ** 2
-        return self.factorised(parts, scales).solve(right[:, None])[:, 0]
+        if sizes.known:
+            right = right - parameters / sizes.values**2
+        return self.factorised(parts, sizes).solve(right[:, None])[:, 0]
 
-    def scale(self, parts: Sequence[Part], scales: Scales) -> Array:
-        """Prior standard deviations `(p,)`: typical sizes, for error motions times their `scales`."""
-        return np.concatenate([self._scaled(part, scales) for part in parts])
+    def scaled(self, parts: Sequence[Part], scale: float) -> Sizes:
+        """Typical sizes of the parameters, those of error motions times a scale; an infinite one for no priors."""
+        return Sizes(np.concatenate([self._scaled(part, scale) for part in parts]))
 
-    def _scaled(self, part: Part, scales: Scales) -> Array:
-        own, axis = self._of(part), part[0]
-        if not axis or not np.isfinite(scales[0]):
-            return own.prior
-        return np.maximum(own.prior * scale_of(scales, axis), own.least_prior)
+    def _scaled(self, part: Part, scale: float) -> Array:
+        own = self._of(part)
+        return np.maximum(own.prior * scale, own.least_prior) if part[0] or np.isinf(scale) else own.prior
 
     def errors(self, parts: Sequence[Part], parameters: Array, coefficients: Array) -> Array:
         """RMS error `(volumes, draws)`, um, of true models `(t, draws)` after correction by fits `(p, draws)`."""
@@ -78,13 +90,13 @@ class Fits:
         ends = np.cumsum([len(volume.state) * 3 for volume in self.columns.volumes])[:-1]
         return np.stack([rms(part) for part in np.split(deviations, ends)])
 
-    def _factorised(self, parts: tuple[Part, ...], scales: Scales) -> Factorised:
+    def _factorised(self, parts: tuple[Part, ...], sizes: Sizes) -> Factorised:
         matrix = self._blocks.matrix(parts)
-        if np.isinf(scales[0]):
+        if not sizes.known:
             return _least_squares(matrix)
-        scale = self.scale(parts, scales)
+        scale = sizes.values
         posterior, units = Posterior(matrix * np.outer(scale, scale), 1.0), scale[:, None]
-        return Factorised(lambda right: posterior.solve(right * units) * units, posterior.log_determinant)
+        return Factorised(lambda right: posterior.solve(right * units) * units)
 
     def _of(self, part: Part) -> Made:
         if part not in self._made:
@@ -101,4 +113,4 @@ def _least_squares(matrix: Array) -> Factorised:
     """The fit without priors, by the pseudo-inverse: directions that the data do not determine stay zero."""
     size = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
     root = pseudo_inverse(matrix / np.outer(size, size), ZERO_EIGENVALUE).root / size[:, None]
-    return Factorised(lambda right: root @ (root.T @ right), float("nan"))
+    return Factorised(lambda right: root @ (root.T @ right))

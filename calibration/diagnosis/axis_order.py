@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
 from calibration.diagnosis.search import LEAST_RETRIED_LOG_ODDS
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.structure import Data, Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Data, Structure
 from calibration.measurement.measurement import Measurement
 from kinematics.transforms import Array
 

@@ -6,7 +6,8 @@ another time, only their size is known (`second_moment`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -32,6 +33,7 @@ from calibration.diagnosis.smooth import (
 )
 from calibration.gaussian_terms.geometry import ERROR_DEGREE
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from calibration.observation.full_model import is_log
 from kinematics.basis import Legendre
@@ -237,3 +239,15 @@ def second_moment(term: Term, mean: Array, covariance: Array) -> Array:
         group = slice(start, start + count)
         found += parameters[:, group] @ whole[group, group] @ parameters[:, group].T
     return found
+
+
+def of_next_stop(structure: Structure, repeats: Mapping[str, float]) -> dict[str, float]:
+    """Standard uncertainty of each axis at its next stop, um or urad, that no error motion holds.
+
+    repeats: standard deviation of each axis from stop to stop, where the data show it.
+    """
+    squares = {axis: size**2 for axis, size in repeats.items()}
+    for term, size in zip(structure.terms, structure.term_sizes, strict=True):
+        if term.kind == "fine" and not term.effects and term.where is not None:
+            squares[term.where] = squares.get(term.where, 0.0) + (size * TYPICAL_FINE) ** 2
+    return {axis: math.sqrt(square) for axis, square in squares.items()}

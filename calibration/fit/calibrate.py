@@ -1,9 +1,9 @@
-"""A calibration from start to end: basis, fit, datum, location errors, identifiability, cross-validation."""
+"""A calibration from start to end: terms, fit, datum, location errors, identifiability, cross-validation."""
 
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -18,23 +18,20 @@ from calibration.fit.acceptance import (
     significant_share,
     undetermined,
 )
-from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
-from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.datum import model_in_datum
 from calibration.fit.fit import Fit
-from calibration.fit.identifiability import Identifiability, identifiability
-from calibration.fit.omitted_waves import OmittedWaves, with_curves_and_waves
+from calibration.fit.identifiability import LOW_LINES, Identifiability, identifiability, of_low_degrees
 from calibration.fit.prediction import RelativeDeviation, relative_deviations
 from calibration.fit.residual_tests import DependenceTest, dependences
-from calibration.fit.set_up.bases_and_noise import Wanted
 from calibration.fit.set_up.checked_data import CheckedData
 from calibration.fit.set_up.distances import distance_findings
-from calibration.fit.set_up.drift import Drift, with_bases_noise_and_drift
+from calibration.fit.set_up.drift import Drift, with_drift
+from calibration.fit.set_up.explained import AUTO, Wanted
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition
-from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import BasisChoice
 from calibration.observation.normal_equations import whitened
 from calibration.observation.outliers import Variance
 from calibration.plausibility.finding import Finding
@@ -56,8 +53,10 @@ class Calibration(Shown, Judged):
     """The fit: residuals, um, outliers, and the registration of the instrument."""
     model: ErrorModel
     """The model to be written: in the datum, location errors as separate effects, with covariance."""
-    choice: Choice
-    """Bases of the error motions, and the evidence for them."""
+    bases: Mapping[str, BasisChoice]
+    """Basis of the error motions of each axis."""
+    prior_scale: float | None
+    """Size of the error motions, in typical sizes; None where the data have decided those of each band of degrees."""
     identifiability: Identifiability
     """Errors that the data do not show, by name."""
     before_rms_um: float
@@ -70,8 +69,6 @@ class Calibration(Shown, Judged):
     """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None
     """Prediction of held-out lines, regions of stops or cycles, um; None without one."""
-    between_positions: tuple[BetweenPositions, ...]
-    """Uncertainty between the positions of each axis that was measured at few; none for stated bases."""
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
     targets: tuple[TargetPosition, ...]
@@ -110,7 +107,6 @@ def calibrate(
     measurement: Measurement,
     *,
     basis: str = AUTO,
-    margin: int = 0,
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
     variance: Variance = "sheet",
@@ -121,41 +117,42 @@ def calibrate(
 ) -> Calibration:
     """Error motions of every axis that moves, and additional `effects`, from measured points.
 
-    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: number of sizes by which
-    automatic bases are finer than the choice of the evidence. prior_scale: size of the error motions as a multiple of
-    the typical one; None leaves it to the evidence where the basis is automatic, else it is 1. valid_days: period of
-    validity, days, in the calibration; None for no statement. force: accept it nevertheless.
+    basis: `auto`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. prior_scale: size of the error motions as a
+    multiple of the typical one; None leaves it to the data where the basis is automatic, else it is 1. valid_days:
+    period of validity, days, in the calibration; None for no statement. force: accept it nevertheless.
 
     NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
     data = CheckedData.of_fit(measurement, force=force)
     steps = 3 if hold_out else 2
-    wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
-    drift = with_bases_noise_and_drift(data.measurement, wanted)
+    wanted = Wanted(basis, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
+    drift = with_drift(data.measurement, wanted)
     found = drift.fit
     numbered(progress, 2, steps)("identifiability")
-    identified = identifiability(found)
-    refuse_few([found], identified)
+    positions_of = data.measurement.distinct_positions
+    identified = identifiability(of_low_degrees(found, positions_of) if wanted.automatic else found)
+    least = identifiability(of_low_degrees(found, positions_of, LOW_LINES)) if wanted.automatic else identified
+    refuse_few([found], least)
     held_out = _held_out(found, variance, numbered(progress, steps, steps)) if hold_out else None
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
-    written, between, waves = _model_of(drift, valid_days, chosen=wanted.automatic)
+    written = _model_of(drift, valid_days)
     result = Calibration(
         fit=found,
         model=written,
-        choice=drift.choice,
+        bases=drift.explained.bases,
+        prior_scale=prior_scale if wanted.automatic else prior_scale or 1.0,
         identifiability=identified,
         before_rms_um=before_rms_um,
         before_max_um=before_max_um,
         before_chi2_reduced=before_chi2_reduced,
         dependences=tuple(dependences(found)),
         cross_validation=held_out,
-        between_positions=between,
-        findings=(*data.findings, *_findings(drift, too_many, waves, chosen=wanted.automatic)),
+        findings=(*data.findings, *_findings(drift, too_many)),
         targets=data.targets,
         relative_deviation=relative_deviations(written, found.good),
-        objection=too_many or reason_against(found, before, held_out) or undetermined(found, identified),
+        objection=too_many or reason_against(found, before, held_out) or undetermined(found, least),
         forced=force,
     )
     if not result.accepted:
@@ -163,49 +160,21 @@ def calibrate(
     return result
 
 
-def _model_of(
-    drift: Drift, valid_days: float | None, *, chosen: bool
-) -> tuple[ErrorModel, tuple[BetweenPositions, ...], OmittedWaves | None]:
-    """The model to be written, the uncertainty between measured positions, and the waves that its bases lack.
-
-    Where drift and machine may be exchanged, its uncertainty contains the difference of both explanations. chosen: the
-    evidence has selected the bases.
-    """
-    found, between, waves = _without_drift(drift, chosen=chosen)
-    if drift.other is not None:
-        other, _, _ = _without_drift(drift.other, chosen=chosen)
-        found = with_other(found, other, 1.0 - drift.probability)
-    fitted = drift.fit
-    source = f"fit of {fitted.observations} observations, chi2/dof {fitted.chi2_reduced:.3g}"
-    made = provenance([fitted.measurement], found.effects, source, valid_days)
-    return msgspec.structs.replace(found, provenance=made), between, waves
+def _model_of(drift: Drift, valid_days: float | None) -> ErrorModel:
+    """The model to be written, without the drift, with its provenance."""
+    found = drift.fit
+    source = f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}"
+    model = drift.model
+    made = provenance([found.measurement], model.effects, source, valid_days)
+    return msgspec.structs.replace(model, provenance=made)
 
 
-def _without_drift(
-    drift: Drift, *, chosen: bool
-) -> tuple[ErrorModel, tuple[BetweenPositions, ...], OmittedWaves | None]:
-    """The model in the datum without the drift that was fitted beside it; the others as in `_model_of`."""
-    curved, between, waves = with_curves_and_waves(drift.fit, chosen=chosen)
-    return drift.left_out(in_datum(curved)), between, waves
-
-
-def _findings(drift: Drift, too_many: str, waves: OmittedWaves | None, *, chosen: bool) -> list[Finding]:
-    """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty.
-
-    chosen: the evidence has selected the bases.
-    """
+def _findings(drift: Drift, too_many: str) -> list[Finding]:
+    """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty."""
     found = drift.fit
     outliers = [Finding("outliers", too_many, False)] if too_many else []
-    lacking = [] if waves is None else waves.findings(chosen=chosen)
     negative = [Finding("backlash", note, False) for effect in found.model.effects if (note := effect.finding)]
-    return [
-        *zero_findings(run_zeros(found)),
-        *distance_findings(found),
-        *drift.findings,
-        *lacking,
-        *negative,
-        *outliers,
-    ]
+    return [*zero_findings(run_zeros(found)), *distance_findings(found), *drift.findings, *negative, *outliers]
 
 
 def _held_out(found: Fit, variance: Variance, progress: Progress) -> CrossValidation | None:

@@ -27,7 +27,7 @@ from calibration.observation.normal_equations import (
     whitened,
 )
 from calibration.observation.outliers import Variance, refuse_lines
-from calibration.observation.stops_and_lines import held_out_blocks, lines
+from calibration.observation.stops_and_lines import held_out_blocks
 from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.running.progress import Progress, silent
@@ -41,10 +41,6 @@ OWN_ZERO = 4
 AGREEING_BLOCK_SHARE = 0.75
 """Share of blocks that agree in sign from which a difference counts although it is within its standard error: a few
 blocks may hold most of the squares."""
-FEWEST_DIAGONALS, MOST_DIAGONALS = 3, 24
-"""Fewer diagonals do not predict each other; more of them fill the volume."""
-MOVING = 0.01
-"""Least range of an axis that moves in a line, as a share of the largest one."""
 
 
 class Gains(NamedTuple):
@@ -303,22 +299,6 @@ def less_columns(values: Array, columns: Array) -> Array:
     return np.asarray(
         (values - along @ (along.T @ values)) * np.sqrt(len(values) / max(len(values) - along.shape[1], 1))
     )
-
-
-def diagonals(measurement: Measurement) -> np.ndarray | None:
-    """Numbers `(n,)` of the lines on which the positions lie; None unless these are a few diagonals.
-
-    On a diagonal two or more linear axes move. A few (`FEWEST_DIAGONALS` to `MOST_DIAGONALS`) diagonals determine the
-    errors between them poorly.
-    """
-    if measurement.axis is not None or measurement.across is not None:
-        return None
-    found, positions = lines(measurement), measurement.state.positions[:, ~measurement.machine.rotary]
-    if (found < 0).any() or not FEWEST_DIAGONALS <= found.max() + 1 <= MOST_DIAGONALS:
-        return None
-    ranges = np.array([np.ptp(positions[found == line], axis=0) for line in range(found.max() + 1)])
-    moving = ranges > MOVING * ranges.max(axis=1, keepdims=True)
-    return found if (np.count_nonzero(moving, axis=1) > 1).all() else None
 
 
 def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:

@@ -127,6 +127,12 @@ class Fit:
         return self.chi2 / self.degrees_of_freedom if self.doubtful else 1.0
 
     @property
+    def noise_factor(self) -> float:
+        """Factor on the variances of the instrument specification in the noise of the fit."""
+        noise = self.measurement.noise
+        return self.variance_factor * (1.0 if noise is None else noise.instrument_factor)
+
+    @property
     def white(self) -> Array:
         """Residuals `(n, d)` of all rows in units of the noise of the fit; those of one stop are independent."""
         own = whitened(self.measurement.whiteners, self.residual)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from calibration.fit.datum import gauge, null_space
 from calibration.fit.fit import Fit
 from calibration.fit.linear import singular_values
 from calibration.measurement.measurement import Measurement
-from kinematics.effects import Effect
+from calibration.observation.full_model import ROTARY
+from kinematics.basis import Fourier, Harmonics, Legendre
+from kinematics.effects import Effect, ErrorMotion
 from kinematics.transforms import Array
 
 WITHIN_EFFECTS_SHARE = 1e-6
@@ -28,6 +32,17 @@ UNLIKE_LINES = (
 )
 INDEPENDENT = "positions in which the axes move independently of each other, over their whole travel, would show it"
 """Measurements that would determine effects."""
+
+
+class Low(NamedTuple):
+    """Degree, and number of harmonics, of error motions of which it is asked whether rows show them."""
+
+    degree: int
+    harmonics: int
+
+
+LOW_CUBICS, LOW_LINES = Low(3, 2), Low(1, 1)
+"""What a report says of error motions; and what rows must show at least: lines, and shifts and tilts of a turn."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +81,44 @@ class Identifiability:
     def not_visible(self) -> list[str]:
         """Effects that these data do not show at all."""
         return [b.effects[0] for b in self.unidentifiable if len(b.effects) == 1 and b.directions == b.parameters]
+
+
+def of_low_degrees(fit: Fit, positions: Mapping[str, int], low: Low = LOW_CUBICS) -> Fit:
+    """The fit as one of the error motions' low degrees alone, no more of them than positions of each axis show.
+
+    Its information is that for the others known: their priors limit them, wherever the rows do not show them.
+    """
+    motions = {part.start: motion for motion, part in fit.model.error_motions}
+    effects: list[Effect] = []
+    columns = []
+    for effect, part in zip(fit.model.effects, fit.model.slices, strict=True):
+        motion = motions.get(part.start)
+        coarse = effect if motion is None else _of_low_degree(motion, positions[motion.axis], low)
+        effects.append(coarse)
+        columns.append(np.arange(part.start, part.start + len(coarse.parameters)))
+    kept = np.concatenate([np.zeros(0, int), *columns])
+    own = np.ix_(kept, kept)
+    solved = fit.solved._replace(
+        information=fit.solved.information[own], machine_information=fit.solved.machine_information[own]
+    )
+    model = msgspec.structs.replace(fit.model, effects=tuple(effects), covariance=None)
+    return replace(fit, model=model, prior=fit.prior[kept], away=fit.away[kept], solved=solved)
+
+
+def _of_low_degree(motion: ErrorMotion, positions: int, low: Low) -> ErrorMotion:
+    """An error motion of a low degree, or few harmonics, at most."""
+    basis, most = motion.basis, max(positions - 1, 1)
+    if isinstance(basis, Fourier):  # a line, and two functions for each wave
+        turn = (basis.interval[1] - basis.interval[0]) / 180.0 * low.harmonics if motion.axis[0] in ROTARY else 0.0
+        waves = tuple(n for n in basis.harmonics if n <= max(low.degree, turn))
+        basis = msgspec.structs.replace(basis, harmonics=waves[: max((most - 1) // 2, 0)])
+    elif isinstance(basis, Legendre):
+        basis = msgspec.structs.replace(basis, degree=min(basis.degree, low.degree, most))
+    elif isinstance(basis, Harmonics):
+        basis = msgspec.structs.replace(basis, order=min(basis.order, low.harmonics, max(most // 2, 1)))
+    return msgspec.structs.replace(
+        motion, basis=basis, parameters=motion.parameters[: basis.size], u=motion.u[: basis.size]
+    )
 
 
 def identifiability(fit: Fit) -> Identifiability:

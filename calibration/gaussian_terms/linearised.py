@@ -5,6 +5,7 @@ They matter for errors of millimetres, for chains of rotary axes, and for instru
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import msgspec
@@ -20,13 +21,13 @@ SETTLED_OBSERVATIONS = 0.05
 """RMS change of the observations in such a pass, in standard deviations of the noise, below which they stay."""
 
 
-def linearised(structure: Structure) -> Structure:
+def linearised(structure: Structure, fitted: Callable[[Structure], Structure] = Structure.fitted) -> Structure:
     """The structure of the geometry alone, fitted to observations that are linearised about its own errors."""
     for _ in range(MOST_LINEARISATIONS):
         observations = structure.data.observations.about(mean_errors(structure))
         if change_of(structure, observations) < SETTLED_OBSERVATIONS:
             break
-        structure = replace(structure, data=Data.of(observations)).fitted()
+        structure = fitted(replace(structure, data=Data.of(observations, asked=structure.data.asked)))
     return structure
 
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import blas
 
-from calibration.gaussian_terms.geometry import SETTLED_SIZE, Geometry, geometry, stepped, summed
+from calibration.gaussian_terms.geometry import NOTHING, SETTLED_SIZE, Asked, Geometry, geometry, stepped, summed
 from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, variances
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.outliers import outlying
@@ -30,6 +30,8 @@ MOST_STRUCTURE_ROUNDS = 8
 """Most rounds of sizes, noise and outliers."""
 SAME_FACTOR, SAME_REPEATS = 0.03, 0.1
 """Relative changes of the variance factor, and of the non-repeatability, below which the noise is found."""
+CLEAR_LOG_ODDS = 5.0
+"""Log odds from which something is clear: 150 to 1, strong evidence by the scale of Kass and Raftery."""
 LEAST_REPEATABILITY_UM = 0.5
 """Non-repeatability, um or urad, whose relative change counts in full."""
 
@@ -45,14 +47,16 @@ class Data:
     """True `(n,)` for rows with gross errors, far beyond any error of a machine."""
     least_factor: float
     """Least factor of the noise; 1 where nothing below the specification is to be explained."""
+    asked: Asked = NOTHING
+    """What a user states."""
 
     @classmethod
-    def of(cls, observations: Observations, always: Geometry | None = None) -> Data:
+    def of(cls, observations: Observations, always: Geometry | None = None, asked: Asked = NOTHING) -> Data:
         """The data of observations; always: columns that are always present, by default all error motions."""
         _, trusted = observations.measurement.first_registration
-        always = geometry(observations) if always is None else always
+        always = geometry(observations, asked) if always is None else always
         least = observations.priors.least_noise**2
-        return cls(observations, always, stops_of(observations), ~trusted, least)
+        return cls(observations, always, stops_of(observations), ~trusted, least, asked)
 
 
 @dataclass(frozen=True)
@@ -147,11 +151,26 @@ class Structure:
         A squared size with m determined coefficients, and those of its prior, has an inverse gamma distribution: its
         mean is larger than its likeliest value.
         """
+        return replace(self.wider.posterior, mean=self.posterior.mean)
+
+    @property
+    def wider(self) -> Structure:
+        """The structure with the mean squares of the sizes of the bands, instead of the likeliest ones."""
         bands = len(self.band_sizes)
         determined = summed(self.groups, self.posterior.determined, bands)[:bands]
         larger = self.data.geometry.wider(determined, self.priors)
-        wider = self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
-        return replace(wider.posterior, mean=self.posterior.mean)
+        return self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
+
+    @cached_property
+    def not_repeating(self) -> dict[str, float]:
+        """Standard deviation of each axis from stop to stop, um or urad, where the data show it clearly."""
+        found = {}
+        for axis, size in self.noise.repeats.items():
+            others = {name: own for name, own in self.noise.repeats.items() if name != axis}
+            without = replace(self, noise=replace(self.noise, repeats=others))
+            if self.total - without.total > CLEAR_LOG_ODDS:
+                found[axis] = size
+        return found
 
     @property
     def groups(self) -> np.ndarray:
@@ -221,7 +240,7 @@ class Structure:
         for _ in range(MOST_STRUCTURE_ROUNDS):
             before = found.noise
             found = found.with_noise().with_sizes(FURTHER_STEPS)
-            if _settled(before, found.noise):
+            if settled(before, found.noise):
                 break
         return found
 
@@ -316,7 +335,7 @@ class Structure:
             yield Moments(left * np.swapaxes(left, 1, 2) + uncertain[inside], parts)
 
 
-def _settled(before: Noise, after: Noise) -> bool:
+def settled(before: Noise, after: Noise) -> bool:
     """True where two noises are the same, for all that follows."""
     changes = [
         abs(after.repeats.get(axis, 0.0) - before.repeats.get(axis, 0.0))

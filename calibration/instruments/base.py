@@ -130,8 +130,6 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     """False where the order of the rows is not that in which the machine moved."""
     MAY_BE_FEW: ClassVar[bool] = False
     """True where a fit is made even if no observation is left over to check it: the report says so."""
-    BASES: ClassVar[tuple[str, ...]] = ("b-spline", "cubic")
-    """Kinds of basis of error motions among which the evidence of its data selects."""
     CLOCK_OF_MACHINE: ClassVar[bool] = True
     """False where the times of the rows are not those at which the machine moved, but of another machine."""
 

@@ -42,7 +42,7 @@ def fit(
     basis: that of the error motions (`auto`, `legendre:5`, `X=b-spline:12,...`); effects: others of docs/effects.md
     (`backlash:axis=X,width=0`); noise: standard uncertainty of the instrument, as stated unless the residuals
     contradict it, or estimated from them; prior_scale: size of the errors, times the typical 30 um and urad, by default
-    chosen by the evidence; reversal: for data taken on the fly, `constant` or `curves` that depend on the direction of
+    found from the data; reversal: for data taken on the fly, `constant` or `curves` that depend on the direction of
     motion; hold_out: predict lines that are left out of the fit; valid_days: validity of the calibration, days, 365 by
     default; force: accept the result although there is a reason against it; progress: called with the text of each
     step.
@@ -51,16 +51,14 @@ def fit(
     too many rows disagree, and where the fit does not predict held-out lines better than the nominal machine does.
     """
     from calibration.fit.calibrate import calibrate
-    from calibration.on_the_fly.along_path import REFINED_STEPS, OnTheFly
+    from calibration.on_the_fly.along_path import OnTheFly
     from calibration.on_the_fly.reversals import reversals
     from calibration.simulation.effect_text import given_effects
 
-    moving = isinstance(measurement, OnTheFly)
     data = measurement.measurement if isinstance(measurement, OnTheFly) else measurement
     return calibrate(
         data,
         basis=basis,
-        margin=REFINED_STEPS if moving else 0,
         effects=[*given_effects(effects, data.machine), *reversals(data, reversal)],
         variance=noise,
         prior_scale=prior_scale,

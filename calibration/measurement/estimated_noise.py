@@ -9,7 +9,7 @@ independent of each other (`Decorrelation`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,10 +18,6 @@ from kinematics.transforms import Array
 
 NEGLIGIBLE_NOISE_FACTOR = 0.1
 """Factor on the specified noise below which its value is not shown."""
-UNLESS = (
-    ", unless the model lacks errors of this size that recur with the position: too few positions were measured again "
-    "to decide that"
-)
 ZERO_UNCERTAINTY_SHARE = 1e-6
 """Share of the largest standard uncertainty of a row below which another counts as zero."""
 LEAST_SHARE_OF_ROW = 1e-6
@@ -35,23 +31,11 @@ class EstimatedNoise:
     instrument_factor: float
     """Factor on the variances of the instrument's specification."""
     non_repeatability: Mapping[str, float]
-    """Standard deviation of each axis from stop to stop, mm or rad; of the axes in which it is significant."""
+    """Standard deviation of each axis from stop to stop, mm or rad; of the axes that show it clearly."""
     stop: np.ndarray
     """Number of the stop of each row `(n,)`; the rows of a stop follow one another."""
     arms: Array
     """Change of the observations `(n, d, axes)`, mm, by one standard deviation of each axis that adds to the noise."""
-    misfit: Mapping[str, float] = field(default_factory=dict)
-    """Standard deviation of each axis from position to position, mm or rad, that visits of one position share: an error
-    that the model lacks. Noise only where the uncertainty between the positions shall contain it."""
-    factor_of_visits: float | None = None
-    """`instrument_factor` without misfit, where visits of the same positions show it."""
-    revisited: bool = True
-    """False where too few positions were measured again to tell the noise of the instrument from misfit."""
-
-    @property
-    def scatter(self) -> float:
-        """Factor on the instrument's variances, without misfit where visits of the same positions show it."""
-        return self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
 
     def rows(self, index: slice | np.ndarray) -> EstimatedNoise:
         """The same for some of the rows."""
@@ -65,35 +49,13 @@ class EstimatedNoise:
     def text(self) -> str:
         """The estimate in sentences for the report."""
         parts = []
-        scatter = self.scatter
-        if scatter != 1.0:
-            times = (
-                f"{scatter**0.5:.2g}"
-                if scatter**0.5 > NEGLIGIBLE_NOISE_FACTOR
-                else f"less than {NEGLIGIBLE_NOISE_FACTOR:g}"
-            )
-            if scatter < 1.0 or self.revisited:
-                parts.append(f"The instrument scatters {times} times as much as specified.")
-            else:
-                parts.append(
-                    f"Residuals are {times} times as large as specified: the instrument scatters more, or the model "
-                    "lacks errors. Too few positions were measured again to decide that."
-                )
+        if self.instrument_factor != 1.0:
+            root = self.instrument_factor**0.5
+            times = f"{root:.2g}" if root > NEGLIGIBLE_NOISE_FACTOR else f"less than {NEGLIGIBLE_NOISE_FACTOR:g}"
+            parts.append(f"The instrument scatters {times} times as much as specified.")
         if self.non_repeatability:
             sizes = [f"{axis} repeats to {_with_unit(axis, size)}" for axis, size in self.non_repeatability.items()]
-            unless = "" if self.revisited else UNLESS
-            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that{unless}.")
-        if self.misfit:
-            sizes = [f"{axis} of {_with_unit(axis, size)}" for axis, size in self.misfit.items()]
-            parts.append(
-                f"The model lacks errors of {', '.join(sizes)} (standard deviation from position to position), the "
-                "same at each visit: the uncertainty contains them."
-            )
-        if self.instrument_factor > scatter:
-            parts.append(
-                f"Residuals are {self.instrument_factor**0.5:.2g} times as large as specified, and the same at each "
-                "visit of a position: the model lacks errors of that size, which the uncertainty contains."
-            )
+            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that.")
         return " ".join(parts)
 
     def json(self) -> dict[str, Any]:
@@ -105,7 +67,6 @@ class EstimatedNoise:
         return {
             "instrument_factor": self.instrument_factor**0.5,
             "non_repeatability": micro(self.non_repeatability),
-            "misfit": micro(self.misfit),
         }
 
 

@@ -27,11 +27,16 @@ TARGETS = "targets"
 """Kind of basis with a node at each target of an interferometer's runs."""
 SLOPED = 1e-2
 """Size of a parameter, as a share of the largest, from which it counts as a part of the slope."""
+PERIOD_IN_TRAVELS = 1.25
+"""Period of the waves of a linear axis, in travels: errors at both ends of the travel need not be equal."""
 LOGGED_POSITIONS = 240
 """Least number of positions in the log of a moving axis."""
 MEAN_REPEATS = 3
 """Least mean number of readings of a target in repeated runs."""
-_KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics), targets:N (nodes)"
+_KINDS = (
+    "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics), "
+    f"waves:N (over {PERIOD_IN_TRAVELS} travels), targets:N (nodes)"
+)
 
 
 @dataclass(frozen=True)
@@ -39,15 +44,19 @@ class BasisChoice:
     """Basis of the error motions of an axis, without its interval."""
 
     kind: str
-    """b-spline (degree 1, an interpolated table), cubic, legendre, polynomial, fourier or targets."""
+    """b-spline (degree 1, an interpolated table), cubic, legendre, polynomial, fourier, waves or targets."""
     size: int
     """Nodes, degree, harmonics, or number of targets."""
 
     def __str__(self) -> str:
         return f"{self.kind}:{self.size}"
 
-    def over(self, interval: Interval, *, closed: bool = False) -> Basis:
-        """The basis over an interval, mm or degrees; closed: the interval is a whole turn, where the errors repeat."""
+    def over(self, interval: Interval, *, closed: bool = False, rotary: bool = False) -> Basis:
+        """The basis over an interval, mm or degrees; closed: the interval is a whole turn, where the errors repeat.
+
+        rotary: of a rotary axis, which shifts and tilts what it carries in a harmonic of its turn.
+        """
+        turns = (interval[1] - interval[0]) / 180.0
         match self.kind:
             case "b-spline" | "cubic" | "targets":
                 nodes = np.linspace(*interval, self.size).tolist()
@@ -56,16 +65,18 @@ class BasisChoice:
                 return Legendre(interval, self.size)
             case "polynomial":
                 return Polynomial(interval, self.size)
+            case "waves":
+                waves = (2.0 / PERIOD_IN_TRAVELS * n for n in range(1, self.size + 1))
+                return Fourier(interval, (turns, *waves) if rotary else tuple(waves))
             case _ if closed:
                 return Harmonics(interval, self.size)
             case _:
-                turns = (interval[1] - interval[0]) / 180.0
                 return Fourier(interval, tuple(turns * n for n in range(1, self.size + 1)))
 
 
 def parse_basis(text: str) -> BasisChoice:
     """A choice such as `b-spline:12` or `legendre:5`; UserError, with the known kinds, for any other text."""
-    found = re.fullmatch(r"(b-spline|cubic|legendre|polynomial|fourier|targets):(\d+)", text.strip())
+    found = re.fullmatch(r"(b-spline|cubic|legendre|polynomial|fourier|waves|targets):(\d+)", text.strip())
     if not found:
         raise UserError(f"basis {text!r} is none of {_KINDS}")
     choice = BasisChoice(found[1], int(found[2]))
@@ -113,7 +124,7 @@ def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> li
     For an interferometer: those that it observes, by default the positioning error.
     """
     arc, own = measurement.moving[axis], measurement.machine.axes[measurement.machine.index(axis)]
-    basis = choice.over(arc, closed=own.turns_fully and not gap_of(arc))
+    basis = choice.over(arc, closed=own.turns_fully and not gap_of(arc), rotary=own.rotary)
     if choice.kind == TARGETS:
         basis = _at_targets(measurement, axis, choice)
     zero = (0.0,) * basis.size

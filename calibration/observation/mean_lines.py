@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.basis import Basis
+from kinematics.basis import Basis, Fourier
 from kinematics.effects import COMPONENTS, CentredMotion, Effect, ErrorMotion
 from kinematics.transforms import Array
 
@@ -46,8 +46,13 @@ def mean_line(basis: Basis) -> Line:
 def sizes_for_slope(basis: Basis, slope: float) -> Array:
     """Standard deviations `(size,)` of independent parameters whose mean line has a slope of this standard deviation.
 
-    They are in proportion to the parts of the parameters in the slope: zero for those without a part in it.
+    They are in proportion to the parts of the parameters in the slope: zero for those without a part in it, and for
+    waves. Beside waves a line begins at zero: the constant may have its mean.
     """
+    if isinstance(basis, Fourier):
+        line = mean_line(basis)
+        own = np.eye(basis.size)[1] + np.eye(basis.size)[0] * line.mean[1]
+        return np.asarray(slope * own / line.slope[1])
     parts = np.abs(mean_line(basis).slope)
     parts[parts < SLOPING * parts.max(initial=0.0)] = 0.0
     return np.asarray(slope * parts / np.sqrt(np.sum(parts**4)))

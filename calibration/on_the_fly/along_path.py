@@ -22,8 +22,6 @@ from kinematics.transforms import Array, Pose, turn
 from kinematics.user_error import UserError
 
 CELL_MM, CORNER_MM = 4.0, 5.0
-REFINED_STEPS = 1
-"""Steps by which the bases are refined beyond the evidence: dense readings resolve errors that it neglects."""
 MOST_PATH_CELLS = 20_000
 """Largest number of cells of a measurement; a longer path has longer cells."""
 

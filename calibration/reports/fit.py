@@ -11,7 +11,6 @@ import numpy as np
 from calibration.fit.acceptance import SIGNIFICANT_SHARE, Judged
 from calibration.fit.calibrate import Calibration
 from calibration.fit.cross_validation import CrossValidation
-from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, Unidentifiable
 from calibration.fit.set_up.run_zeros import run_zeros
@@ -60,14 +59,13 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "reason": found.reason,
         "forced": found.objection if found.forced else "",
         "held_out": None if held is None else held_out_json(held),
-        "noise_factor": fitted.variance_factor**0.5,
+        "noise_factor": fitted.noise_factor**0.5,
         "estimated_noise": None if measurement.noise is None else measurement.noise.json(),
         "n_observations": fitted.observations,
         "effective_parameters": fitted.effective_parameters,
         **identifiability_json(identified),
-        "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
-        "prior_scale": found.choice.prior_scale,
-        "prior_scale_rotary": found.choice.rotary_scale,
+        "basis": {axis: str(choice) for axis, choice in found.bases.items()},
+        "prior_scale": found.prior_scale,
         "log_evidence": fitted.log_evidence,
         "depends_on": [{"what": s.variable, "p_value": s.p_value, "hint": s.hint} for s in found.dependences],
         "outliers": [measurement.where(int(row)) for row in fitted.outliers],
@@ -76,7 +74,6 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "failed_stations": list(fitted.failed),
         "significant_share": found.significant_share,
         "u_um": found.relative_deviation.json(),
-        "between_positions": {each.axis: each.json() for each in found.between_positions},
         "targets": [each.json() for each in found.targets],
         "zeros": [zero.json() for zero in run_zeros(fitted)],
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
@@ -141,13 +138,6 @@ def left_out_sentence(measurement: Measurement, rows: np.ndarray, residual_um: A
         f"LEFT OUT: {len(rows)} of {len(measurement)} rows{where}, which disagree with the others by more than noise "
         f"allows: {listed}."
     )
-
-
-def between_positions(found: Iterable[BetweenPositions]) -> Iterator[tuple[str, str]]:
-    """A fact for each axis whose errors are uncertain between its measured positions."""
-    for each in found:
-        if each.noticed:
-            yield "UNCERTAIN", str(each)
 
 
 def acceptance(found: Judged) -> str:
@@ -322,7 +312,7 @@ def hidden_section(identified: Identifiability) -> Iterator[Section]:
 
 def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, str]]:
     measurement, identified = found.fit.measurement, found.identifiability
-    bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
+    bases = ", ".join(f"{axis} {basis}" for axis, basis in found.bases.items())
     yield "data", f"{measurement.source}: {len(measurement)} rows, {found.fit.observations} observations fitted"
     if taken is not None:
         yield "on the fly", str(taken.reduction)
@@ -330,16 +320,14 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
             yield "HIDDEN MODE", mode
     for finding in found.findings:
         yield "note", finding.message
-    rotary = found.choice.rotary_scale
-    sizes = f"{found.choice.prior_scale:g}" + (f", of rotary axes {rotary:g}" if rotary is not None else "")
-    yield "model", f"{identified.parameters} parameters: {bases}; expected size of errors {sizes} times the typical one"
+    sizes = "by the data" if found.prior_scale is None else f"{found.prior_scale:g} times the typical one"
+    yield "model", f"{len(found.fit.prior)} parameters: {bases}; expected size of errors {sizes}"
     yield (
         "rank",
         f"{identified.rank} with the instrument's position known, {identified.rank_registered} with it fitted; "
         f"directions of the frame fixed by convention: {identified.by_convention}",
     )
     yield "uncertainty", str(found.relative_deviation)
-    yield from between_positions(found.between_positions)
     for dependence in found.dependences:
         yield (
             "DEPENDS ON",

@@ -109,7 +109,7 @@ class Shape:
         sizes = []
         for name, basis, free in zip(COMPONENTS, self.bases, self.free, strict=True):
             motion = ErrorMotion(cast(Component, name), self.axis.name, basis, (0.0,) * basis.size)
-            degrees = degrees_of(basis.size, closed=isinstance(basis, Harmonics))
+            degrees = degrees_of(basis)
             keys += [(name, "", STATED)] * basis.size if free else keys_of(motion, degrees)
             sizes.append(np.full(basis.size, UNLIMITED_UM) if free else prior_sizes(degrees, priors))
         for wobble in self.wobbles:
@@ -233,7 +233,7 @@ def fitted(shape: Shape, positions: Array, motions: RigidMotions, priors: Priors
 
 def _largest(basis: Basis, shown: np.ndarray) -> int:
     """The largest degree, or order of harmonics, of the functions `(size,)` that are shown; 0 of none."""
-    degrees = degrees_of(basis.size, closed=isinstance(basis, Harmonics))
+    degrees = degrees_of(basis)
     return int(degrees[shown].max(initial=0))
 
 

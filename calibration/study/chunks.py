@@ -7,13 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.design.basis_draws import chosen, with_other_effects
+from calibration.design.basis_draws import automatic_parts, chosen, stated_sizes, with_other_effects
 from calibration.design.equations import Columns, Sample, sample
-from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.layout import Setup
-from calibration.design.solver import Fits
-from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Scales, Search
+from calibration.design.solver import Fits, Sizes
 from calibration.fit.linear import Part
+from calibration.fit.set_up.explained import AUTO
 from calibration.observation.full_model import stated_bases
 from calibration.study.cases import Case
 from kinematics.effects.geometric import TYPICAL_MOTION_UM
@@ -49,12 +48,10 @@ class Prepared:
     case: Case
     setup: Setup
     fits: Fits
-    bases: tuple[Part, ...] | Search
-    """The bases of all draws, or the search that chooses those of each draw."""
-    scales: Scales
-    """Sizes of the errors in all draws, if no search chooses them; infinite without a prior."""
-    held_out_lines: HeldOutLines | None
-    """Lines by which choices are evaluated, for data on a few diagonals."""
+    parts: tuple[Part, ...]
+    """The parts of the model of all draws."""
+    sizes: Sizes | None
+    """Sizes of their parameters in all draws; None where each draw decides its own."""
 
     @classmethod
     def of(cls, case: Case) -> Prepared:
@@ -63,8 +60,7 @@ class Prepared:
         fits = Fits(Columns(setup, case.volumes, case.other_effects), case.true_models)
         prior = case.fit.prior
         scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL_MOTION_UM
-        scales = 1.0 if scale is None else scale, None
-        return cls(case, setup, fits, _bases(case, fits, scale), scales, HeldOutLines.of(fits))
+        return cls(case, setup, fits, *_parts_and_sizes(case, fits, scale))
 
     def sample(self, chunk: Chunk) -> Sample:
         """The virtual machines of a chunk and their observations."""
@@ -75,26 +71,26 @@ class Prepared:
         coefficients = self.case.true_models.draw(streams[0], chunk.draws)
         return sample(self.setup, self.fits.true_observed, coefficients, streams[1])
 
-    def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], Scales], np.ndarray]:
-        """Numbers of the draws by the bases and the prior of their fits."""
-        if isinstance(self.bases, Search):
-            return chosen(self.fits, drawn, self.bases, self.held_out_lines)
-        return {(self.bases, self.scales): np.arange(drawn.observed.shape[1])}
+    def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], Sizes], np.ndarray]:
+        """Numbers of the draws by the parts and the sizes of their fits."""
+        if self.sizes is None:
+            return chosen(self.fits, self.parts, drawn)
+        return {(self.parts, self.sizes): np.arange(drawn.observed.shape[1])}
 
     def outcome(self, chunk: Chunk) -> Outcome:
         """All draws of a chunk, fitted and evaluated."""
         drawn = self.sample(chunk)
         before = self.fits.before(drawn.coefficients)
         after = np.empty_like(before)
-        for (parts, scales), draws in self.choices(drawn).items():
-            parameters = self.fitted(parts, scales, drawn, draws)
+        for (parts, sizes), draws in self.choices(drawn).items():
+            parameters = self.fitted(parts, sizes, drawn, draws)
             after[:, draws] = self.fits.errors(parts, parameters, drawn.coefficients[:, draws])
         return Outcome(before, after)
 
-    def fitted(self, parts: tuple[Part, ...], scales: Scales, drawn: Sample, draws: np.ndarray) -> Array:
+    def fitted(self, parts: tuple[Part, ...], sizes: Sizes, drawn: Sample, draws: np.ndarray) -> Array:
         """Fitted parameters `(p, draws)`, in their units."""
         right = np.concatenate([self.fits.right(part, drawn)[:, draws] for part in parts])
-        return self.fits.factorised(parts, scales).solve(right)
+        return self.fits.factorised(parts, sizes).solve(right)
 
 
 def work(case: Case, chunk: Chunk) -> Outcome:
@@ -115,11 +111,12 @@ KEPT_CASES = 2
 _prepared: dict[str, Prepared] = {}
 
 
-def _bases(case: Case, fits: Fits, prior_scale: float | None) -> tuple[Part, ...] | Search:
-    text, axes = case.fit.basis, list(fits.columns.measurement.moving)
-    if text == AUTO or text.startswith(f"{AUTO}:"):
-        if prior_scale is not None and np.isinf(prior_scale):
-            raise UserError(f'basis = "{text}" is selected by the evidence, which needs a prior')
-        kinds = AUTOMATIC_KINDS if text == AUTO else (text.removeprefix(f"{AUTO}:"),)
-        return Search.of(fits.columns.measurement, kinds, ROTARY_KIND if text == AUTO else None, prior_scale)
-    return with_other_effects(fits.columns, stated_bases(text, axes))
+def _parts_and_sizes(case: Case, fits: Fits, scale: float | None) -> tuple[tuple[Part, ...], Sizes | None]:
+    """The parts of the model, and their sizes where these are stated: in typical sizes, infinite without a prior."""
+    if case.fit.basis != AUTO:
+        parts = with_other_effects(fits.columns, stated_bases(case.fit.basis, list(fits.columns.measurement.moving)))
+        return parts, fits.scaled(parts, 1.0 if scale is None else scale)
+    if scale is not None and np.isinf(scale):
+        raise UserError(f'basis = "{AUTO}" has as many parameters as its functions need, and needs a prior')
+    parts = automatic_parts(fits.columns)
+    return parts, None if scale is None else stated_sizes(fits, parts, scale)

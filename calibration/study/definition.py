@@ -59,10 +59,10 @@ class FitEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The fit of the measurement."""
 
     basis: str = "auto"
-    """Basis, as in `ncomp fit`: auto, auto:KIND, KIND:SIZE, or X=KIND:SIZE,Y=..."""
+    """Basis, as in `ncomp fit`: auto, KIND:SIZE, or X=KIND:SIZE,Y=..."""
     weighting: Weighting = "full"
     prior: Literal["auto", "none"] | Positive = "auto"
-    """Standard deviation, um and urad, of the parameters of error motions; auto: by evidence, or 30."""
+    """Standard deviation, um and urad, of the parameters of error motions; auto: by the data, or 30."""
     effects: tuple[str, ...] = ()
     """Effects that are fitted in addition to the error motions."""
 

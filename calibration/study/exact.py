@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.design.equations import Sample
+from calibration.design.solver import Sizes
 from calibration.design.volume import Volume
 from calibration.evaluation.volumetric import volumetric_error_um
-from calibration.fit.bases.search import Scales
 from calibration.fit.linear import Part
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import residuals, whitened
@@ -42,12 +42,12 @@ def compared(prepared: Prepared, draws: int) -> Compared:
     """The first draws of a case by the linear equations, and by iterated exact kinematics, with the same noise."""
     drawn = prepared.sample(Chunk(0, draws))
     linear, exact = np.empty(draws), np.empty(draws)
-    for (parts, scales), numbers in prepared.choices(drawn).items():
-        parameters = prepared.fitted(parts, scales, drawn, numbers)
+    for (parts, sizes), numbers in prepared.choices(drawn).items():
+        parameters = prepared.fitted(parts, sizes, drawn, numbers)
         linear[numbers] = prepared.fits.errors(parts, parameters, drawn.coefficients[:, numbers])[0]
         for number in numbers.tolist():
             true_model = prepared.case.true_models.machine(drawn.coefficients[:, number])
-            found = _fitted(prepared, parts, scales, drawn, number)
+            found = _fitted(prepared, parts, sizes, drawn, number)
             exact[number] = _remaining_error(prepared.case.volumes[0], true_model, found)
     return Compared(linear, exact)
 
@@ -70,7 +70,7 @@ def measurement_of(prepared: Prepared, drawn: Sample, number: int) -> Measuremen
     return replace(seen, observed=seen.observed + in_mm, spheres=nominal.spheres, distances=distances)
 
 
-def _fitted(prepared: Prepared, parts: tuple[Part, ...], scales: Scales, drawn: Sample, number: int) -> ErrorModel:
+def _fitted(prepared: Prepared, parts: tuple[Part, ...], sizes: Sizes, drawn: Sample, number: int) -> ErrorModel:
     """The fit of one draw: residuals by the exact matrix product, steps by the factorisation of the study."""
     fits, setup, measured = prepared.fits, prepared.setup, measurement_of(prepared, drawn, number)
     model, registration = fits.columns.model(parts), setup.registration
@@ -78,7 +78,7 @@ def _fitted(prepared: Prepared, parts: tuple[Part, ...], scales: Scales, drawn: 
     for _ in range(MOST_EXACT_STEPS):
         residual = whitened(setup.white, residuals(measured, model, registration)).reshape(-1)
         residual = np.concatenate([residual, measured.instrument.stated_residuals(measured, registration)])
-        step = fits.step(parts, scales, residual, parameters)
+        step = fits.step(parts, sizes, residual, parameters)
         registration = registration.moved(fits.columns.registered(parts, residual, step))
         parameters = parameters + step
         model = model.with_parameters(parameters)

@@ -227,7 +227,6 @@ MEANINGS = {
     "position": "position of the touch-off",
     "present": "size in the present calibration",
     "prior_scale": "factor on the typical sizes",
-    "prior_scale_rotary": "the same of rotary axes, or null where it is not another one",
     "probe_given": "true if the length of the probe was given",
     "programs": "one entry for each program",
     "range": "largest minus smallest value",

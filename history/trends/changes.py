@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import logsumexp
 
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS
 from calibration.diagnosis.search import PRESENT
 from history.trends.forecast import forecast
 from history.trends.model import Candidate, Kind, Structure

@@ -12,11 +12,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
 from calibration.diagnosis.conclusion.visibility import typical_gains
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.gaussian_terms.gains import log_gains_by_squares
-from calibration.gaussian_terms.structure import Data, Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Data, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array

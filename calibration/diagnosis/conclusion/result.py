@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -25,22 +25,23 @@ from calibration.diagnosis.conclusion.mixture import (
     averaged,
     likely_structures,
 )
-from calibration.diagnosis.conclusion.next_stop import of_next_stop, with_next_stop
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged, judged
+from calibration.diagnosis.conclusion.verdict import Judged, judged
 from calibration.diagnosis.conclusion.visibility import Expected, expected, shortest_periods, unseen_motions
 from calibration.diagnosis.conclusion.volume import Volume, volume
 from calibration.diagnosis.conclusion.worse_than_none import AsGiven, as_given
 from calibration.diagnosis.contract import where
 from calibration.diagnosis.named import untested
+from calibration.diagnosis.nameless import of_next_stop
 from calibration.diagnosis.next.proposals import CHECK, ProposedMeasurement, proposed
 from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.acceptance import Judged as Accepted
 from calibration.fit.acceptance import significant_share
 from calibration.fit.calibrate import provenance
 from calibration.fit.prediction import relative_deviations
-from calibration.gaussian_terms.calibrated import machine_model, prior_sizes
+from calibration.fit.written.calibrated import machine_model, prior_sizes
+from calibration.fit.written.next_stop import with_next_stop
 from calibration.gaussian_terms.outliers import log_odds, shifts
-from calibration.gaussian_terms.structure import Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Structure
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.finding import Finding
@@ -188,13 +189,7 @@ class Diagnosis(Accepted, Shown):
     @property
     def not_repeating(self) -> dict[str, float]:
         """Standard deviation of each axis from stop to stop, um or urad, where the data show it clearly."""
-        structure, found = self.structure, {}
-        for axis, size in structure.noise.repeats.items():
-            others = {name: own for name, own in structure.noise.repeats.items() if name != axis}
-            without = replace(structure, noise=replace(structure.noise, repeats=others))
-            if structure.total - without.total > CLEAR_LOG_ODDS:
-                found[axis] = size
-        return found
+        return self.structure.not_repeating
 
     @property
     def added(self) -> tuple[Judged, ...]:

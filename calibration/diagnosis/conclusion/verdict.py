@@ -18,12 +18,10 @@ import numpy as np
 from calibration.diagnosis.candidates import COARSE_SHARE_OF_ODDS, REFINED, Candidates, by_family
 from calibration.diagnosis.search import LEAST_RETRIED_LOG_ODDS
 from calibration.diagnosis.waves import waves
-from calibration.gaussian_terms.structure import Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 
-CLEAR_LOG_ODDS = 5.0
-"""Log odds from which something is clear: 150 to 1, strong evidence by the scale of Kass and Raftery."""
 LASTING_LOG_ODDS = 100.0
 """Log odds that stay clear when sizes and noise are found again: these take up to nine tenths of them."""
 RESOLVED = 1.0

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS
 from calibration.diagnosis.waves import shortest_period
 from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.posterior import Posterior
-from calibration.gaussian_terms.structure import Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Structure
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect

@@ -10,12 +10,12 @@ import numpy as np
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged
+from calibration.diagnosis.conclusion.verdict import Judged
 from calibration.diagnosis.next.questions import ENOUGH_LOG_ODDS, Known, Question, questions
 from calibration.diagnosis.next.stacked_rows import StackedRows
 from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
-from calibration.gaussian_terms.structure import Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Structure
 
 LARGEST_POWER_OF_ODDS = 6
 """Largest power of ten of the odds that a text gives."""

@@ -15,9 +15,9 @@ from scipy import linalg
 
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.mixture import InPlace
-from calibration.diagnosis.conclusion.verdict import CLEAR_LOG_ODDS, Judged, Rival, sensors_of
+from calibration.diagnosis.conclusion.verdict import Judged, Rival, sensors_of
 from calibration.gaussian_terms.gains import expected_gain
-from calibration.gaussian_terms.structure import Structure
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 

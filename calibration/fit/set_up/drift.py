@@ -15,9 +15,8 @@ from typing import get_args
 import numpy as np
 from scipy import special
 
-from calibration.fit.bases.search import ROTARY_KIND, Choice
 from calibration.fit.fit import Fit
-from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
+from calibration.fit.set_up.explained import Explained, Wanted, explained
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice
 from calibration.plausibility.finding import Finding
@@ -49,10 +48,9 @@ IMPOSSIBLE_SHIFT_UM = 500.0
 
 @dataclass(frozen=True)
 class Drift:
-    """A fit with its bases, and the drift that it contains beside the calibration."""
+    """A fit, and the drift that it contains beside the calibration."""
 
-    choice: Choice
-    fit: Fit
+    explained: Explained
     findings: tuple[Finding, ...]
     effects: tuple[Effect, ...]
     other: Drift | None = None
@@ -61,29 +59,48 @@ class Drift:
     """Probability that this side drifts, if one of both does."""
 
     @property
+    def fit(self) -> Fit:
+        """The fit."""
+        return self.explained.fit
+
+    @property
     def side(self) -> str:
         """The part of the machine that drifts."""
         return "workpiece" if self.effects[0].ACTS_ON == "workpiece" else "tool point"
 
-    def left_out(self, model: ErrorModel) -> ErrorModel:
-        """The model without the drift; its covariance stays that beside it."""
+    @property
+    def model(self) -> ErrorModel:
+        """The machine without the drift, whose uncertainty contains it.
+
+        Where the other side may drift instead, with the probability p and parameters that differ by d, the mean square
+        of the errors is (1 - p) C + p (C' + d d'): the covariances C and C' of both, and the difference (Hoeting et al.
+        1999, Bayesian model averaging, equation 4, about the likelier one instead of the mean).
+        """
         names = {effect.name for effect in self.effects}
-        return model.part(lambda effect: effect.name not in names)
+        own = self.explained.model.part(lambda effect: effect.name not in names)
+        if self.other is None:
+            return own
+        other, p = self.other.model, 1.0 - self.probability
+        away = other.parameters - own.parameters
+        theirs = np.array(other.covariance) + np.outer(away, away)
+        return own.with_parameters(own.parameters, (1.0 - p) * np.array(own.covariance) + p * theirs)
 
 
-def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drift:
+def with_drift(measurement: Measurement, wanted: Wanted) -> Drift:
     """The fit, with a drift where a centre that was measured again shows one."""
-    plain = Drift(*with_bases_and_noise(measurement, wanted), (), ())
+    plain = Drift(explained(measurement, wanted), (), ())
     if measurement.instrument.OBSERVES != "offset":
         return plain
     shown = tuple(repeat_findings(plain.fit))
-    kept = plain.fit.kept
-    if not any(repeat_findings(plain.fit, kept, SPECIFIED)):
+    if not any(repeat_findings(plain.fit, chi2=SPECIFIED)):
         return replace(plain, findings=shown)
     # an axis that does not repeat, or a fine basis, may explain the rows as well: U contains the drift in any case
     best = _likeliest(_timed(measurement), wanted)
-    # a row that only the other fit leaves out is wrong, and no drift
-    if any(repeat_findings(best.fit, kept)):
+    kept = best.fit.kept
+    # a row that a drift does not explain either is wrong
+    if not any(repeat_findings(plain.fit, kept, SPECIFIED)):
+        return replace(plain, findings=shown)
+    if any(repeat_findings(best.fit, plain.fit.kept)):
         return replace(plain, findings=tuple(_added(each, UNEXPLAINED) for each in shown))
     shown = tuple(repeat_findings(plain.fit, kept, SPECIFIED))
     sentence = _sentence(best)
@@ -122,8 +139,8 @@ def _likeliest(timed: Measurement, wanted: Wanted) -> Drift:
 
 def _log_probability(own: Drift, timed: Measurement, wanted: Wanted) -> float:
     """Log probability of the data, up to a constant, if this side drifts."""
-    finer = _with_next_wave(own.choice.bases)
-    if wanted.automatic or finer == own.choice.bases:
+    finer = _with_next_wave(own.explained.bases)
+    if wanted.automatic or finer == own.explained.bases:
         return own.fit.log_probability
     stated = ",".join(f"{axis}={basis}" for axis, basis in finer.items())
     waving = _with(own.effects, timed, replace(wanted, basis=stated))
@@ -133,8 +150,7 @@ def _log_probability(own: Drift, timed: Measurement, wanted: Wanted) -> float:
 def _with_next_wave(bases: Mapping[str, BasisChoice]) -> dict[str, BasisChoice]:
     """Stated bases with one more wave of each axis that has waves."""
     return {
-        axis: replace(basis, size=basis.size + 1) if basis.kind == ROTARY_KIND else basis
-        for axis, basis in bases.items()
+        axis: replace(basis, size=basis.size + 1) if basis.kind == "fourier" else basis for axis, basis in bases.items()
     }
 
 
@@ -160,7 +176,7 @@ def _courses(measurement: Measurement) -> Sequence[tuple[Effect, ...]]:
 
 def _with(effects: tuple[Effect, ...], measurement: Measurement, wanted: Wanted) -> Drift:
     own = replace(wanted, effects=(*wanted.effects, *effects))
-    return Drift(*with_bases_and_noise(measurement, own), (), effects)
+    return Drift(explained(measurement, own), (), effects)
 
 
 def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | None = None) -> Iterator[Finding]:

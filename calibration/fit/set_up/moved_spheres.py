@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.fit.bases.selection import coarse_fit
 from calibration.fit.fit import Fit
+from calibration.fit.set_up.explained import coarse_fit
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.finding import Finding
 from calibration.plausibility.spheres import moment
@@ -29,6 +29,8 @@ LEAST_STEP_RMS = 5.0
 """Least step, in units of the RMS residual."""
 LARGEST_SECOND_STEP = 0.35
 """Largest second step, as a share of the first: a drift has steps of half its size before and behind each moment."""
+NEAR = 1
+"""Rows about the clearest moment that are tried too."""
 LIKELIER = 4.0
 """Factor by which the residuals of a drift of the tool must exceed those of a step, in squares."""
 TOGETHER_MOVE_SHARE = 0.5
@@ -96,10 +98,15 @@ def _steps(found: Fit) -> Iterator[_Step]:
         rows = np.flatnonzero(np.isin(groups, spheres))
         if len(rows) < 2 * ROWS_ON_EACH_SIDE * len(spheres):
             continue
-        first, removed, _ = _step_in(found.residual[rows], ROWS_ON_EACH_SIDE * len(spheres))
-        left = float(np.sum((found.residual[rows] - found.residual[rows].mean(axis=0)) ** 2)) - removed
-        if 0.5 * found.residual[rows].size * np.log1p(removed / max(left, 1e-300)) > EXAMINED_LOG_GAIN / 3.0:
-            yield _Step(spheres, int(rows[first]))
+        residual = found.residual[rows]
+        first, removed = moment(residual, ROWS_ON_EACH_SIDE * len(spheres))
+        left = float(np.sum((residual - residual.mean(axis=0)) ** 2)) - removed
+        if 0.5 * residual.size * np.log1p(removed / max(left, 1e-300)) > EXAMINED_LOG_GAIN / 3.0:
+            # error motions take up a part of the step, which may shift it by a row
+            for near in range(
+                max(first - NEAR, ROWS_ON_EACH_SIDE), min(first + NEAR, len(rows) - ROWS_ON_EACH_SIDE) + 1
+            ):
+                yield _Step(spheres, int(rows[near]))
 
 
 def _renamed(measurement: Measurement, step: _Step) -> Measurement:

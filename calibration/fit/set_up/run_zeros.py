@@ -10,8 +10,11 @@ import numpy as np
 from scipy import special
 
 from calibration.measurement.measurement import Measurement
+from calibration.observation.mean_lines import mean_line
 from calibration.plausibility.finding import Finding
 from calibration.registration.registration import Registration
+from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 FALSE_SPREAD_PROBABILITY = 1e-3
@@ -24,6 +27,10 @@ class Registered(Protocol):
     @property
     def measurement(self) -> Measurement:
         """The n rows."""
+
+    @property
+    def model(self) -> ErrorModel:
+        """The errors of the machine beside which it was found."""
 
     @property
     def registration(self) -> Registration:
@@ -61,12 +68,19 @@ class RunZero:
 
 
 def run_zeros(found: Registered) -> list[RunZero]:
-    """The zeros of the runs of an interferometer, in the order of the runs; none for other instruments."""
+    """The zeros of the runs of an interferometer, in the order of the runs; none for other instruments.
+
+    They are those beside error motions whose mean is zero.
+    """
     measurement = found.measurement
     if measurement.axis is None:
         return []
     groups, per_micro = measurement.groups, measurement.per_micro[:, 0]
     specified = np.sqrt(measurement.specified_covariances[:, 0, 0])
+    motions = (motion for motion, _ in found.model.error_motions)
+    means: dict[tuple[str, str], float] = {
+        (own.component, own.axis): float(mean_line(own.basis).mean @ own.parameters) for own in motions
+    }
     result = []
     for name, first in sorted(zip(*_first(groups), strict=True), key=lambda each: each[1]):
         rows = np.flatnonzero((groups == name) & found.kept)
@@ -80,7 +94,7 @@ def run_zeros(found: Registered) -> list[RunZero]:
             RunZero(
                 name,
                 axis,
-                factor * found.registration.zeros[name],
+                factor * found.registration.zeros[name] + means.get((_observed(measurement, axis, first), axis), 0.0),
                 factor * noise / len(rows) ** 0.5,
                 "um" if factor < 1e6 else "urad",
                 bool(measurement.positioning[first]),
@@ -111,6 +125,12 @@ def zero_findings(zeros: Sequence[RunZero]) -> Iterator[Finding]:
                 f"removes these zeros, and with them a drift of the axis from run to run.{one_way}",
                 False,
             )
+
+
+def _observed(measurement: Measurement, axis: str, row: int) -> str:
+    """The component of the error motion of an axis that a row observed."""
+    named = "" if measurement.component is None else str(measurement.component[row])
+    return named or own_component(axis)
 
 
 def _first(groups: np.ndarray) -> tuple[list[str], list[int]]:

@@ -80,7 +80,6 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
     MAY_BE_FEW = True
     CHECKS = ("lengths",)
     IF_TOO_FEW = "a search for causes needs many readings: 'ncomp fit' takes few"
-    BASES = ("legendre",)
     IN_ORDER_OF_MOVES = False
 
     u_um: float = 0.0

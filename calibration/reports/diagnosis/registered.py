@@ -11,6 +11,7 @@ from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.gaussian_terms.observations import registered
 from calibration.measurement.measurement import Measurement
 from calibration.registration.registration import Registration
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 
@@ -18,6 +19,7 @@ class RegisteredRows(NamedTuple):
     """Rows, their registration and their residuals."""
 
     measurement: Measurement
+    model: ErrorModel
     registration: Registration
     residual: Array
     """`(n, d)`, mm and rad."""
@@ -30,4 +32,4 @@ def registered_rows(answer: Diagnosis) -> RegisteredRows:
     structure = answer.structure
     residual = in_units(structure, structure.left)
     registration = registered(answer.measurement, answer.model)
-    return RegisteredRows(answer.measurement, registration, residual, ~structure.noise.left_out)
+    return RegisteredRows(answer.measurement, answer.model, registration, residual, ~structure.noise.left_out)

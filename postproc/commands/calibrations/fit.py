@@ -34,7 +34,7 @@ class FitOptions:
 
     basis: str = option(
         "Basis of the error motions: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, polynomial:DEGREE, "
-        "fourier:HARMONICS; auto or auto:KIND: selected by the evidence of the data.",
+        "fourier:HARMONICS; auto: functions of all degrees, whose sizes the data decide.",
         "auto|KIND:SIZE|X=KIND:SIZE,...",
         default="auto",
     )
@@ -45,7 +45,7 @@ class FitOptions:
     )
     noise: Noise
     prior_scale: float | None = option(
-        "Expected size of the errors, as a multiple of 30 um and urad; default: selected by the evidence of the data.",
+        "Expected size of the errors, as a multiple of 30 um and urad; default: by the data.",
         min=1e-3,
     )
     hold_out: bool = option("Predict each line, region of stops or cycle from all others as a check.", default=True)

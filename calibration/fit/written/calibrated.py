@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from calibration.fit.datum import model_in_datum
-from calibration.gaussian_terms.given.merged import merged
+from calibration.fit.written.merged import merged
 from calibration.gaussian_terms.structure import Structure
 from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect

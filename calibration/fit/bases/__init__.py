@@ -1,1 +1,0 @@
-"""Bases of the error motions: the search for them, and their evidence."""

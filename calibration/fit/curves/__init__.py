@@ -1,1 +1,0 @@
-"""Error motions as smooth curves between few measured positions."""

@@ -1,0 +1,1 @@
+"""The model of the machine that a fit or a diagnosis writes: in the datum, with its uncertainty."""
