@@ -10,9 +10,10 @@ legendre:3`.
 
 The cases with a plan have 240 ranges from four stations: stations, reflectors and positions by `ncomp plan optimised`;
 stations by habit at the corners, low, with the positions by hand or optimised; all at random, anew in each draw.
-`--rough` takes machines of the virtual calibration paper's Table 1, which have waves, and the automatic bases. `--prior` takes machines whose error motions are as large as the fit expects before
-any data: each coefficient is drawn with the typical size of its kind. What the data do not show is then within its U
-in 95 % of all cases; of smaller machines more is.
+`--rough` takes machines of the virtual calibration paper's Table 1, with waves, and the automatic bases. `--prior`
+takes machines whose error motions are as large as the fit expects before any data: each coefficient is drawn with the
+typical size of its kind. What the data do not show is then within its U in 95 % of all cases; of smaller machines more
+is.
 
     python benchmarks/ranging.py [--draws 200] [--cases "planned;corners"] [--rough | --prior]
 """

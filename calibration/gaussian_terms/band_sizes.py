@@ -23,7 +23,7 @@ OCTAVES_ALIKE = 1.0
 """Distance of bands, in octaves of the degree, over which the correlation of their sizes falls to 1 / e."""
 DEGREE_OF_CONSTANT = 0.5
 """Degree at which a constant counts: an octave below a slope."""
-MOST_NEWTON_STEPS, LONGEST_STEP, SETTLED_LOG_SIZE, SHORTEST_SHARE = 40, 2.0, 0.02, 1e-3
+MOST_NEWTON_STEPS, LONGEST_STEP, SETTLED_LOG_SIZE, SHORTEST_SHARE = 40, 2.0, 1e-4, 1e-3
 """Newton's steps: most of them, the longest one and the one at which they end, in the logarithm of a size, and the
 least share of a step that is tried."""
 
@@ -72,6 +72,7 @@ def likeliest(equations: Equations, bands: Bands, factor: float, first: Array) -
         logs, (value, posterior) = logs + share * step, trial
         if float(np.abs(share * step).max()) < SETTLED_LOG_SIZE:
             break
+    _, covariance = _slope_and_covariance(posterior, of_bands, precision)
     unit, spread = posterior.mean / posterior.sizes, posterior.root.T @ posterior.root
     moves = 2.0 * posterior.sizes[:, None] * (spread @ (of_bands * unit[:, None]))
     root_mean_squares = sized(logs)

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import logsumexp
 
-from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS
 from calibration.diagnosis.search import PRESENT
+from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS
 from history.trends.forecast import forecast
 from history.trends.model import Candidate, Kind, Structure
 from history.trends.series import day_of
