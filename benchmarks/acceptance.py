@@ -64,7 +64,7 @@ def variants(names: list[str]) -> list[Machine]:
             {"family": "linuxcnc"},
             {"start": "X0,Y0,Z0"},
             {"probing": "beside"},
-            {"block_skip": False},
+            {"block_skip": "off"},
         )
         controls = [dataclasses.replace(machine.control, **other) for other in others]
         found += [dataclasses.replace(machine, control=control) for control in controls]

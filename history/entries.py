@@ -177,10 +177,11 @@ def _refuse_same(session: Session, row: MachineRow, machine: Machine, result: Re
     for other in session.scalars(select(Entry).where(*of_instant)):
         data = data_of((file.path, file.fingerprint) for file in other.files)
         if not data or data != data_of(result.files.items()):
+            file = "" if result.kind == "check" else "write this one into a file, and "
             raise UserError(
                 f"{result.title}: entry {other.id} ({other.title}) is another {result.kind} of the same instant, "
-                f"{_day(other.at)}: write this one into a file, and enter it by 'ncomp history add' with the date and "
-                f"the time, --at {other.at[:10]}T14:30"
+                f"{_day(other.at)}: {file}enter it by 'ncomp history add' with the date and the time, "
+                f"--at {other.at[:10]}T14:30"
             )
 
 

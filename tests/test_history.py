@@ -82,6 +82,13 @@ def test_a_file_that_is_changed_or_gone_is_noticed(db, tmp_path):
     )
 
 
+def test_a_second_check_of_an_instant_needs_its_time(db):
+    add = "history", "add", "cframe", "--db", db, "--at", "2026-02-02"
+    succeed(*add, "--check", CHECK)
+    message = refusal(*add, "--check", CHECK.replace("=1", "=2"))
+    assert "UTC: enter it by 'ncomp history add' with the date and the time, --at 2026-02-02T14:30" in message
+
+
 def test_what_contradicts_the_history_is_refused_and_changes_nothing(db, tmp_path):
     cal = calibration(tmp_path / "a.json")
     succeed("history", "add", "cframe", cal, "--db", db)

@@ -50,22 +50,23 @@ def follow(
     if known.before:
         behind = touches_of(known.measurement, known.before)
         progress(f"comparing {len(touches)} readings with {known.before} of earlier logs")
-        if _contradict(behind, touches):
-            learned = known.alone("the machine does not move by it as it moved then")
-        else:
-            touches = behind
-    structure, implausible = _plausible(measurement, touches, jumps, progress)
+        if (together := _together(behind, touches)) is not None:
+            return Followed(measurement, *_plausible(measurement, behind, together, jumps, progress), learned)
+        learned = known.alone("the machine does not move by it as it moved then")
+    progress(f"following {len(touches.effects)} parameters by {len(touches)} readings")
+    structure, implausible = _plausible(measurement, touches, _with_sensors(_alone(touches)), jumps, progress)
     return Followed(measurement, structure, implausible, learned)
 
 
 def _plausible(
-    measurement: Measurement, touches: Touches, jumps: bool, progress: Progress
+    measurement: Measurement, touches: Touches, structure: Structure, jumps: bool, progress: Progress
 ) -> tuple[Structure, tuple[Implausible, ...]]:
-    """The structure by the readings that do not contradict the others; and those of the log that do."""
+    """The structure by the readings that do not contradict the others; and those of the log that do.
+
+    structure: that by all readings.
+    """
     kept, implausible = np.arange(len(touches)), list[Implausible]()
     while True:
-        progress(f"following {len(touches.effects)} parameters by {len(kept)} readings")
-        structure = _with_sensors(_alone(touches.rows(kept)))
         own = kept[touches.before :] - touches.before
         if jumps or len(own) <= FEWEST_READINGS:
             break
@@ -77,14 +78,16 @@ def _plausible(
         implausible.append(Implausible(int(own[worst]), float(odds[worst])))
         kept = np.delete(kept, touches.before + worst)
         _refuse_many(measurement, implausible)
+        progress(f"following {len(touches.effects)} parameters by {len(kept)} readings")
+        structure = _with_sensors(_alone(touches.rows(kept)))
     return structure, tuple(sorted(implausible))
 
 
-def _contradict(behind: Touches, own: Touches) -> bool:
-    """True where a log and the earlier ones are likelier to have terms and sizes of their own, by 20 to 1."""
+def _together(behind: Touches, own: Touches) -> Structure | None:
+    """The structure by a log and the earlier ones; None where terms and sizes of their own are likelier, by 20 to 1."""
     before = replace(behind.rows(np.arange(behind.before)), before=0)
-    together, *each = (_with_sensors(_alone(touches)).log_likely for touches in (behind, before, own))
-    return sum(each) - together > PRESENT
+    together, *each = (_with_sensors(_alone(touches)) for touches in (behind, before, own))
+    return together if sum(one.log_likely for one in each) - together.log_likely <= PRESENT else None
 
 
 def _alone(touches: Touches) -> Structure:
