@@ -582,6 +582,18 @@ def test_diagnose_finds_mistakes(ncomp, name):
     assert text in " ".join((done.err + done.out.decode()).split())
 
 
+def test_a_base_that_is_none_of_a_probe_is_ignored_as_the_note_says(ncomp):
+    assert ncomp(*SIMULATE, "-o", "data.csv").status == 0
+    on_bed = Path("data.csv").read_text().replace("# probe:", "# stands_on: bed\n# probe:")
+    Path("bed.csv").write_text(on_bed)
+    fitted = {}
+    for name in ("data", "bed"):
+        done = ncomp("fit", f"{name}.csv", "--machine", "dmu50", "-o", f"{name}.json")
+        assert done.status == 0, done.err
+        fitted[name] = json.loads(Path(f"{name}.json").read_text())["effects"]
+    assert fitted["bed"] == fitted["data"]
+
+
 BAD = {
     "no sphere": (["--instrument", "touch-probe"], "the spheres are missing: state --sphere NAME=x,y,z"),
     "sphere of a tracker": (["--sphere", "s1=1,2,3"], "--sphere is no option of --instrument laser-tracker"),
@@ -589,6 +601,11 @@ BAD = {
         ["--instrument", "touch-probe", "--sphere", "s=0,0,0", "--tracker", "1,2,3"],
         "--tracker: no option of",
     ),
+    "base": (
+        ["--instrument", "touch-probe", "--sphere", "s=0,0,60", "--stands-on", "bed"],
+        "--stands-on: no option of --instrument touch-probe",
+    ),
+    "base of a part": (["--instrument", "part", "--stands-on", "bed"], "--stands-on is no option of --instrument part"),
     "beyond": (["--instrument", "touch-probe", "--sphere", "s=9000,0,0"], "--sphere: no sphere is within the travel"),
     "distance": (
         ["--instrument", "touch-probe", "--sphere", "s=0,0,60", "--distance", "s.t=1"],

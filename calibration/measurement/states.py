@@ -157,7 +157,7 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
         state = replace(state, velocity=velocity)
     state = replace(state, approach=_approach(table, machine, state.approach))
     note_travel(machine, positions, notes)
-    stands_on = read_stands_on(table)
+    stands_on = read_stands_on(table) if kind.is_header_key("stands_on") else "workpiece"
     actual = _actual(table, machine)
     component = read_component(table, machine) if "axis" in table.names else None
     return MeasurementStates(

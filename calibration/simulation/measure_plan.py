@@ -134,7 +134,7 @@ def _probed(
     plan: Plan, model: ErrorModel, virtual: VirtualInstrument, probe: TouchProbe, draws: Sequence[np.random.Generator]
 ) -> Simulated:
     """The virtual measurement of a touch probe; draws as of `measure_plan`."""
-    refused = {"--tracker": virtual.trackers, REACH: virtual.reach}
+    refused = {"--tracker": virtual.trackers, "--stands-on": virtual.stands_on != "workpiece", REACH: virtual.reach}
     for option, given in refused.items():
         if given:
             raise UserError(f"{option}: no option of --instrument touch-probe")
@@ -208,6 +208,8 @@ def _stationed(
     if not virtual.instrument.STATIONED:
         if virtual.trackers:
             raise UserError(f"--tracker is no option of --instrument {virtual.instrument.kind()}: leave it out")
+        if virtual.stands_on != "workpiece":
+            raise UserError(f"--stands-on is no option of --instrument {virtual.instrument.kind()}: leave it out")
         return (replace(plan.state, station=None) if plan.stations else plan.state), None, {}, ()
     if plan.stations:
         state, stations = stationed(plan, virtual.trackers)
