@@ -8,7 +8,7 @@ readings inside (5, Fig. 9), which the paper finds by a simplex search.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +33,15 @@ class Comparison(NamedTuple):
     errors: Mapping[str, Array]
 
 
-def compared(course: Course, quasi: QuasiStatic, inside: np.ndarray) -> Comparison:
+def comparisons_of(courses: Sequence[Course], quasi: QuasiStatic, inside: np.ndarray) -> dict[str, Comparison]:
+    """Each run, by its name, compared with the readings in its direction; `inside`: those `(m,)` in the segment."""
+    same_way = {course.record.direction: quasi.direction == course.record.direction for course in courses}
+    return {
+        course.record.name: _compared(course, quasi, inside & same_way[course.record.direction]) for course in courses
+    }
+
+
+def _compared(course: Course, quasi: QuasiStatic, inside: np.ndarray) -> Comparison:
     """The three methods on one run; `inside`: the readings `(m,)` within its segment."""
     own = _about_line(course)
     rows = quasi.direction == course.record.direction

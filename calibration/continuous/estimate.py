@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.continuous.clock import clocked
-from calibration.continuous.comparators import Comparison, compared
+from calibration.continuous.comparators import Comparison, comparisons_of
 from calibration.continuous.error_curve import Course, course_of
 from calibration.continuous.features import Found, features, pitch_of, without_jumps, without_waves
 from calibration.continuous.fusion import Fused, fused
@@ -168,11 +168,7 @@ def estimate(
     for course in (course for each in by_direction.values() for course in each.courses):
         notes += _feed_notes(course)
     notes += _noise_notes(found)
-    comparisons = {
-        course.record.name: compared(course, quasi, inside & (quasi.direction == sign))
-        for sign, each in by_direction.items()
-        for course in each.courses
-    }
+    comparisons = comparisons_of([course for each in by_direction.values() for course in each.courses], quasi, inside)
     return Estimate(by_direction, quasi, found, chosen, comparisons, tuple(notes))
 
 

@@ -131,19 +131,22 @@ def measure(
     courses = temperatures or {}
     stood, *moved = (_warmed(state, courses, total) for state in (stood, *moved))
     quasi = _observed(machine, model, axis, stood, instrument, rng)
-    exact = Interferometer(u_um=1.0)
     records, shift = [], None
     for i, (sign, state) in enumerate(zip(signs, moved, strict=True)):
-        observation = observe(
-            machine, model, state, exact, rng, axis=np.full(len(state), axis), run=np.full(len(state), "1"),
-            noise_scale=0.0,
-        )  # fmt: skip
-        along = state.position(machine, axis)
-        displacement = along + observation.observed[:, 0]
+        displacement = _displacement(machine, model, axis, state, rng)
         if shift is None:
             shift = displacement[0]
         records.append(_record(f"{i // (1 + both) + 1}", sign, motion, profile, displacement - shift, laser, rng))
     return Measured(tuple(records), quasi)
+
+
+def _displacement(machine: Machine, model: ErrorModel, axis: str, state: State, rng: np.random.Generator) -> Array:
+    """Exact position `(n,)`, mm, of an axis as a laser reads it."""
+    observation = observe(
+        machine, model, state, Interferometer(u_um=1.0), rng, axis=np.full(len(state), axis),
+        run=np.full(len(state), "1"), noise_scale=0.0,
+    )  # fmt: skip
+    return np.asarray(state.position(machine, axis) + observation.observed[:, 0])
 
 
 def end_effect(machine: Machine, axis: str, low: float, high: float, size: float, length: float) -> Effect:

@@ -149,12 +149,7 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
         target=target,
     )
     if "nominal_x" not in table.names:
-        state = kind.in_order(state)
-        feed = optional.get("feed")
-        velocity = None if feed is None else kind.own_velocities(machine, state, feed)
-        if velocity is None:
-            velocity = _velocity(table, machine, positions, feed, notes)
-        state = replace(state, velocity=velocity)
+        state = _in_motion(table, machine, state, optional.get("feed"), notes)
     state = replace(state, approach=_approach(table, machine, state.approach))
     note_travel(machine, positions, notes)
     stands_on = read_stands_on(table) if kind.is_header_key("stands_on") else "workpiece"
@@ -163,6 +158,16 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
     return MeasurementStates(
         state, targets, stands_on, texts.get("axis"), run, actual, optional.get("feed"), part_zero, component
     )
+
+
+def _in_motion(table: Table, machine: Machine, state: State, feed: Array | None, notes: list[str]) -> State:
+    """The state with the moves and the velocities that follow from the order of its rows."""
+    kind = instrument_in(table)
+    state = kind.in_order(state)
+    velocity = None if feed is None else kind.own_velocities(machine, state, feed)
+    if velocity is None:
+        velocity = _velocity(table, machine, state.positions, feed, notes)
+    return replace(state, velocity=velocity)
 
 
 def is_simulated(table: Table) -> bool:
@@ -174,16 +179,7 @@ def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.
     """The targets by name, and the name of the target of each row `(n,)`."""
     if (own := instrument_in(table).read_targets(table)) is not None:
         return own
-    targets: dict[str, Target] = {}
-    for key in table.entries:
-        first, dot, name = key.partition(".")
-        if first in CARRIERS:
-            if not dot or not PLAIN_NAME.fullmatch(name):
-                table.header_fault(key, f"expected {first}.<name>, the name without blanks")
-            if name in targets:
-                table.header_fault(key, f"the name of target {name} occurs twice")
-            x, y, z = table.header_numbers(key, 3)
-            targets[name] = Target((x, y, z), CARRIERS[first])
+    targets = _stated_targets(table)
     named = "target" in table.names
     if not targets:
         if named:
@@ -235,6 +231,21 @@ def _tool(targets: Mapping[str, Target], names: np.ndarray | None) -> Array:
     order = np.argsort(among)
     number = order[np.searchsorted(among, names, sorter=order)]
     return np.asarray(np.array([target.position for target in targets.values()])[number])
+
+
+def _stated_targets(table: Table) -> dict[str, Target]:
+    """The targets in the header by name; UserError for a name that is none, or that occurs twice."""
+    targets: dict[str, Target] = {}
+    for key in table.entries:
+        first, dot, name = key.partition(".")
+        if first in CARRIERS:
+            if not dot or not PLAIN_NAME.fullmatch(name):
+                table.header_fault(key, f"expected {first}.<name>, the name without blanks")
+            if name in targets:
+                table.header_fault(key, f"the name of target {name} occurs twice")
+            x, y, z = table.header_numbers(key, 3)
+            targets[name] = Target((x, y, z), CARRIERS[first])
+    return targets
 
 
 def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:

@@ -147,6 +147,12 @@ def read_tests(path: Path) -> TrackerTests:
     ends = np.where(kind == "ranging", far, np.hypot(near, half))
     starts = np.where(kind == "ranging", near, ends)
     along = np.where(kind == "ranging", 1.0, (half / ends) ** 2)
+    value, coverage = _read_values(table)
+    return TrackerTests(kind, np.stack([starts, ends], axis=1), along, value, coverage, str(path))
+
+
+def _read_values(table: Table) -> tuple[Array, float | None]:
+    """Measured errors or stated values `(n,)`, um, and the coverage of stated ones; UserError for other units."""
     name = "error_um" if "error_um" in table.names else "stated_um"
     value, coverage = table.numbers([name])[name], _coverage(table) if name == "stated_um" else None
     if coverage is not None and np.any(value <= 0.0):
@@ -162,7 +168,7 @@ def read_tests(path: Path) -> TrackerTests:
             f"{table.source}: every {name} is below {LEAST_TRACKER_UM:g} um, less than the errors of any tracker: is "
             "the unit um?"
         )
-    return TrackerTests(kind, np.stack([starts, ends], axis=1), along, value, coverage, str(path))
+    return value, coverage
 
 
 def fit_tests(tests: TrackerTests) -> Fitted:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -40,6 +40,25 @@ class OnTheFly:
     """Notes on the readings."""
 
 
+def _aligned(
+    readings: Readings, paths: Mapping[str, TargetPath], passes: Sequence[slice], progress: Progress
+) -> tuple[dict[str, Pose], list[Pass]]:
+    """The poses of the stations, and the passes as they were aligned for them."""
+    poses: dict[str, Pose] = {}
+    roughly: list[Pass] = []
+    for number, rows in enumerate(passes):
+        progress("rough alignment", number / len(passes))
+        target, station = paths[str(readings.target[rows.start])], str(readings.station[rows.start])
+        found = rough(target, readings.points[rows], readings.where(rows))
+        roughly.append(Pass(target, readings.points[rows], found.distances, 1.5 * target.length / PATH_POSITIONS))
+        poses.setdefault(station, found.pose)
+    for number, (station, roughly_posed) in enumerate(poses.items()):
+        progress("fine alignment", number / len(poses))
+        own = [each for each, rows in zip(roughly, passes, strict=True) if readings.station[rows.start] == station]
+        poses[station] = aligned_pose(roughly_posed, own, f"{readings.source}, station {station}")
+    return poses, roughly
+
+
 def on_path(
     readings: Readings,
     path: NominalPath,
@@ -59,18 +78,7 @@ def on_path(
     passes = list(readings.passes())
     length = sum(paths[str(readings.target[rows.start])].length for rows in passes)
     cell = cell_mm if cell_mm is not None else max(CELL_MM, round(length / MOST_PATH_CELLS, 1))
-    poses: dict[str, Pose] = {}
-    roughly: list[Pass] = []
-    for number, rows in enumerate(passes):
-        progress("rough alignment", number / len(passes))
-        target, station = paths[str(readings.target[rows.start])], str(readings.station[rows.start])
-        found = rough(target, readings.points[rows], readings.where(rows))
-        roughly.append(Pass(target, readings.points[rows], found.distances, 1.5 * target.length / PATH_POSITIONS))
-        poses.setdefault(station, found.pose)
-    for number, (station, roughly_posed) in enumerate(poses.items()):
-        progress("fine alignment", number / len(poses))
-        own = [each for each, rows in zip(roughly, passes, strict=True) if readings.station[rows.start] == station]
-        poses[station] = aligned_pose(roughly_posed, own, f"{readings.source}, station {station}")
+    poses, roughly = _aligned(readings, paths, passes, progress)
     parts, feeds, lost, correlated = [], [], np.zeros(3, int), 1.0
     for number, (each, rows) in enumerate(zip(roughly, passes, strict=True)):
         progress("reduction", number / len(passes))

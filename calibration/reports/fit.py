@@ -37,10 +37,9 @@ RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line li
 LOCATION_HEAD = ("error", "meaning", "value", "U (k=2)", "unit")
 
 
-def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
-    """The result for programs; `taken`: data taken on the fly."""
-    fitted, identified, held = found.fit, found.identifiability, found.cross_validation
-    measurement = fitted.measurement
+def _residuals_json(found: Calibration) -> dict[str, Any]:
+    """Residuals before and after the fit."""
+    fitted, held = found.fit, found.cross_validation
     return {
         "before": {
             "rms_um": found.before_rms_um,
@@ -55,6 +54,15 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
             "p_value": fitted.p_value,
             "heldout_rms_um": None if held is None else held.rms_um,
         },
+    }
+
+
+def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
+    """The result for programs; `taken`: data taken on the fly."""
+    fitted, identified, held = found.fit, found.identifiability, found.cross_validation
+    measurement = fitted.measurement
+    return {
+        **_residuals_json(found),
         "accepted": found.accepted,
         "reason": found.reason,
         "forced": found.objection if found.forced else "",

@@ -15,6 +15,7 @@ import numpy as np
 from calibration.instruments import Instrument
 from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Target, with_moves
 from calibration.measurement.plan import Plan
+from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
@@ -67,20 +68,24 @@ def observe(
     points = [part for part in aimed if part is not None]
     if points:
         blank = replace(blank, state=replace(blank.state, observed=np.concatenate(points)))
-    together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else ROWS_AT_A_TIME
-    exact = np.empty((len(blank), instrument.components))
-    done = 0
-    for part in _parts(blank, together):
-        effects = model.observation(machine, part.state)
-        for rows in _slices(len(part), ROWS_AT_A_TIME):
-            count = len(part.state.positions[rows])
-            errors = Observation(effects.errors[rows], effects.shift[rows])
-            exact[done : done + count] = instrument.expected(part.rows(rows), registration, errors)
-            done += count
-            progress(count)
-    exact = instrument.zeroed(blank, exact)
+    exact = instrument.zeroed(blank, _without_noise(blank, model, registration, progress))
     observed = exact + noise_scale * _noise(replace(blank, observed=exact), rng)
     return replace(blank, observed=observed)
+
+
+def _without_noise(
+    blank: Measurement, model: ErrorModel, registration: Registration, progress: Callable[[int], None]
+) -> Array:
+    """Exact observations `(n, components)`; some rows at a time, where the errors do not depend on earlier ones."""
+    together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else ROWS_AT_A_TIME
+    parts = [np.empty((0, blank.instrument.components))]
+    for part in _parts(blank, together):
+        effects = model.observation(blank.machine, part.state)
+        for rows in _slices(len(part), ROWS_AT_A_TIME):
+            errors = Observation(effects.errors[rows], effects.shift[rows])
+            parts.append(blank.instrument.expected(part.rows(rows), registration, errors))
+            progress(len(parts[-1]))
+    return np.concatenate(parts)
 
 
 def tracker_pose(position: Vector | Array, rng: np.random.Generator) -> Pose:

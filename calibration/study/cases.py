@@ -133,20 +133,14 @@ def _case(
     entry: CaseEntry, study: StudyEntry, machine: Machine, instrument: Instrument, true_models: TrueModels, folder: Path
 ) -> Case:
     try:
-        fit, distances = entry.fit or study.fit, tuple[Distance, ...]()
+        fit = entry.fit or study.fit
         if entry.instrument is not None:
             instrument = instrument_of(entry.instrument, "instrument", folder)
         trackers = _trackers(entry)
         reach = _reach(entry, study)
         other_effects = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
-        if instrument.FINDS_CENTRES:
-            plan, distances = sphere_plan(entry, machine, TouchProbe.expect(instrument), folder)
-        elif entry.distances or entry.spheres != SPHERES_BY_DEFAULT:
-            raise UserError('spheres and distances are of instrument = { kind = "touch-probe" }')
-        elif entry.strategy == OPTIMISED:
-            plan, trackers = optimised(machine, instrument, _wish(entry, trackers, reach, machine)).plan, ()
-        else:
-            plan = _plan(entry, machine, folder)
+        plan, distances = _planned(entry, machine, instrument, trackers, reach, folder)
+        trackers = () if entry.strategy == OPTIMISED else trackers
         tool = next(iter(plan.targets.values())).position
         sensors = {
             name: (start - REFERENCE_DEGC, end - REFERENCE_DEGC)
@@ -224,6 +218,24 @@ def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, m
         entry.stations,
         entry.targets,
     )
+
+
+def _planned(
+    entry: CaseEntry,
+    machine: Machine,
+    instrument: Instrument,
+    trackers: tuple[Vector, ...],
+    reach: Reach | None,
+    folder: Path,
+) -> tuple[Plan, tuple[Distance, ...]]:
+    """The plan of a case, and calibrated distances of the spheres that it may have."""
+    if instrument.FINDS_CENTRES:
+        return sphere_plan(entry, machine, TouchProbe.expect(instrument), folder)
+    if entry.distances or entry.spheres != SPHERES_BY_DEFAULT:
+        raise UserError('spheres and distances are of instrument = { kind = "touch-probe" }')
+    if entry.strategy == OPTIMISED:
+        return optimised(machine, instrument, _wish(entry, trackers, reach, machine)).plan, ()
+    return _plan(entry, machine, folder), ()
 
 
 def _plan(entry: CaseEntry, machine: Machine, folder: Path) -> Plan:
