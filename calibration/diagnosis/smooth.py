@@ -14,6 +14,7 @@ import numpy as np
 
 from calibration.diagnosis.library.causes import WARMER
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.posterior import ROUNDING
 from calibration.gaussian_terms.term import Along, Term
 from kinematics.basis import Interval, Legendre
 from kinematics.effects import Unnamed
@@ -22,14 +23,14 @@ from kinematics.effects.combined.where import beam
 from kinematics.state import TEMPERATURE, TIME
 from kinematics.transforms import Array
 
-TYPICAL_FUNCTION_UM = 10.0
+(TYPICAL_FUNCTION_UM,) = (quantity.typical for quantity in Unnamed.QUANTITIES)
 """Typical size of a function without a name, um, as that of `Unnamed`."""
-DEGREES = {1: (14,), 2: (8, 8), 3: (6, 6, 6)}
-"""Degrees of a function in one, two and three variables: up to about 80 products of them."""
-DEGREES_IN_TIME, DEGREES_BESIDE_TIME = 14, 4
-"""Degrees in time, and in the other variables, of a function that changes faster with time than along the axes."""
-OF_READINGS = {1: (8,), 2: (6, 6)}
-"""Degrees of an error of a reading in one and two readings."""
+DEGREES = (14, 8, 6)
+"""Degrees in each variable of a function of one, two and three of them: up to about 80 products."""
+DEGREES_BESIDE_TIME = 4
+"""Degrees in the others of a function that changes with time as one of time alone, and less along the axes."""
+OF_READINGS = (8, 6)
+"""Degrees in each reading of an error of one and two of them."""
 TREND, OWN_COURSE = 4, 0.1
 """Degree in time that imitates most temperatures, and the least share of a temperature that is no such trend."""
 
@@ -70,15 +71,15 @@ def smooth(observations: Observations) -> Iterator[Term]:
     axes = axes_of(observations)
     variables = {**axes, **_conditions(observations)}
     turning = [name for name in axes if name[0] in "ABC"]
-    for count, usual in DEGREES.items():
+    for count, degree in enumerate(DEGREES, start=1):
         for chosen in combinations(variables, count):
             if chosen[0] in axes and count == 1:  # an error motion
                 continue
             if count == len(DEGREES) and len(set(chosen) & set(turning)) > 1:  # rotary axes alone set few poses
                 continue
-            shapes = [usual]
+            shapes = [(degree,) * count]
             if TIME in chosen and count > 1:
-                shapes.append(tuple(DEGREES_IN_TIME if name == TIME else DEGREES_BESIDE_TIME for name in chosen))
+                shapes.append(tuple(DEGREES[0] if name == TIME else DEGREES_BESIDE_TIME for name in chosen))
             for shape in shapes:
                 form = products(shape, tuple(name not in axes for name in chosen))
                 yield from _of_tool(observations, [variables[name] for name in chosen], form)
@@ -95,7 +96,7 @@ def products(shape: tuple[int, ...], alone: tuple[bool, ...] = ()) -> Products:
     degrees = [
         each
         for each in np.ndindex(*(most + 1 for most in shape))
-        if 0 < sum(map(_share, each, shape)) <= 1.0 + 1e-9
+        if 0 < sum(map(_share, each, shape)) <= 1.0 + ROUNDING
         and (np.count_nonzero(each) > 1 or alone[int(np.flatnonzero(each)[0])])
     ]
     falls = 1.0 / np.prod(np.maximum(degrees, 1), axis=1)
@@ -111,7 +112,7 @@ def axes_of(observations: Observations) -> dict[str, Variable]:
     machine, state = observations.measurement.machine, observations.measurement.state
     found = {}
     for axis, ends in observations.measurement.moving.items():
-        columns = state.basis_columns(machine, axis, Legendre(ends, max(DEGREES[2][0], DEGREES_BESIDE_TIME)))
+        columns = state.basis_columns(machine, axis, Legendre(ends, max(DEGREES[1], DEGREES_BESIDE_TIME)))
         found[axis] = Variable(axis, ends, _of_unit_mean_square(columns))
     return found
 
@@ -133,7 +134,7 @@ def _conditions(observations: Observations) -> dict[str, Variable]:
 def variable(name: str, values: Array) -> Variable:
     """A variable of values `(n,)`, over their range."""
     ends = float(values.min()), float(values.max())
-    return Variable(name, ends, _of_unit_mean_square(Legendre(ends, DEGREES_IN_TIME).columns(values)))
+    return Variable(name, ends, _of_unit_mean_square(Legendre(ends, DEGREES[0]).columns(values)))
 
 
 def _of_unit_mean_square(columns: Array) -> Array:
@@ -223,7 +224,7 @@ def of_readings(observations: Observations) -> Iterator[Term]:
     }
     first = 6 * (len(measurement.machine.axes) + 1)
     arms = {name: np.einsum("ndk,nk->nd", observations.transform[:, :, first:], way) for name, way in errors.items()}
-    for count, shape in OF_READINGS.items():
+    for count, degree in enumerate(OF_READINGS, start=1):
         for chosen in combinations(variables, count):
             columns = [variables[name].columns for name in chosen]
             for name, arm in arms.items():
@@ -231,8 +232,8 @@ def of_readings(observations: Observations) -> Iterator[Term]:
                     f"error of {name} by {', '.join(chosen)}",
                     "smooth",
                     ("reading", chosen, name),
-                    Along(name, arm, partial(_sized, products(shape), columns)),
-                    len(products(shape).degrees),
+                    Along(name, arm, partial(_sized, products((degree,) * count), columns)),
+                    len(products((degree,) * count).degrees),
                     where=name,
                     variables=chosen,
                 )

@@ -24,11 +24,10 @@ from kinematics.effects import Cyclic, Effect, QuantisedCompensation
 from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
 
-SHORTEST_PERIOD_MM, SHORTEST_PERIOD_DEG = 4.0, 1.0
-"""Shortest period: the lead of a ball screw of a machine tool is 4 mm at least, and a rotary axis has few gears with
-more teeth than 360."""
 LEADS_MM = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 32.0, 40.0)
-"""Leads of ball screws (ISO 3408-2), whose turns give the commonest periodic errors of linear axes."""
+"""Leads of ball screws (ISO 3408-2) of machine tools, whose turns give the commonest periodic errors of linear axes."""
+SHORTEST_PERIOD_MM, SHORTEST_PERIOD_DEG = min(LEADS_MM), 1.0
+"""Shortest period: a turn of a ball screw, and a tooth of a gear with 360 of them, more than most rotary axes have."""
 OF_LEADS = 0.5
 """Share of the periodic errors whose period is one of these: the others are of couplings, scales, racks, belts."""
 POSITIONS_OF_PERIOD = 4

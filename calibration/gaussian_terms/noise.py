@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.posterior import ROUNDING
 from kinematics.effects.base import unit_of
 from kinematics.transforms import Array
 
@@ -23,8 +24,6 @@ LAST_LIKELIHOOD_RISE = 0.1
 """Rise of the log likelihood below which the steps end."""
 LEAST_FACTOR = 0.1
 """Smallest factor on the variance factor in one step."""
-INFORMATION_DAMPING = 1e-9
-"""Share by which the information of each variance is raised: exact data may not tell two of them apart (Levenberg)."""
 NEGLIGIBLE_REPEATABILITY_UM = 0.1
 """Standard deviation from stop to stop, um or urad, below which an axis counts as repeating."""
 
@@ -148,7 +147,8 @@ def _fisher_step(theta: Array, now: _Likelihood) -> Array:
     while True:
         step = np.zeros(len(theta))
         information = now.information[np.ix_(free, free)]
-        information[np.diag_indices_from(information)] *= 1.0 + INFORMATION_DAMPING
+        # exact data may not tell two variances apart (Levenberg)
+        information[np.diag_indices_from(information)] *= 1.0 + ROUNDING
         step[free] = np.linalg.solve(information, now.gradient[free])
         below = free & (theta <= 0.0) & (step < 0.0)
         if not below.any():

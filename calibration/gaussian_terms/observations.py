@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from calibration.gaussian_terms.posterior import ROUNDING
 from calibration.gaussian_terms.term import Along
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import residuals
@@ -26,8 +27,6 @@ from kinematics.transforms import Array
 
 MOST_OF_STOP = 20
 """Most rows of a stop with one target; more of them are combined to so many means."""
-ROUNDED = 1e-9
-"""Rounding of a share of a stop."""
 REGISTRATION_STEPS, LAST_STEP = 4, 1e-7
 """Most steps of a registration beside errors that are given, and the last one, mm and rad."""
 
@@ -138,7 +137,7 @@ def with_short_stops(measurement: Measurement) -> tuple[Measurement, np.ndarray]
     count = np.diff(np.append(start, len(measurement)))
     within = np.arange(len(measurement)) - np.repeat(start, count)
     share = np.minimum(1.0, MOST_OF_STOP / count)
-    cell = np.repeat(start, count) + np.floor(within * np.repeat(share, count) + ROUNDED)
+    cell = np.repeat(start, count) + np.floor(within * np.repeat(share, count) + ROUNDING)
     first = np.flatnonzero(np.append(True, np.diff(cell) != 0))
     size = np.diff(np.append(first, len(measurement)))
     if size.max(initial=1) == 1:

@@ -11,7 +11,8 @@ from scipy.linalg import blas, lapack
 from kinematics.transforms import Array
 
 ROUNDING = 1e-9
-"""Share of the variance of the observations below which all that some columns may add to it is rounding."""
+"""Share of a whole below which a part of it is rounding: sums of some ten thousand products in double precision have
+errors of 1e-12 of their largest one, and a solution of their equations some hundred times as much."""
 
 FEW_OBSERVATIONS = 0.7
 """Observations for each column below which the covariance of the observations is the quicker matrix to decompose."""

@@ -12,11 +12,9 @@ import numpy as np
 
 from calibration.gaussian_terms.noise import Noise, Stops, whiteners
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.posterior import Equations
+from calibration.gaussian_terms.posterior import ROUNDING, Equations
 from kinematics.transforms import Array
 
-RANK = 1e-9
-"""Singular value of the registration, as a share of the largest one, below which a combination is not observed."""
 SCALARS_OF_A_BLOCK = 1000
 """Scalars that are whitened together."""
 
@@ -80,7 +78,7 @@ class Whitener:
         bare = cls(observations, stops, matrices, noise.left_out, np.zeros((0, 0)), 0.0)
         rows = np.concatenate([bare.rows(observations.registration), observations.stated])
         spanned, values, _ = np.linalg.svd(rows, full_matrices=False)
-        kept = values > RANK * values.max(initial=0.0)
+        kept = values > ROUNDING * values.max(initial=0.0)
         volume = -float(np.log(values[kept]).sum())
         for each, own in zip(stops, matrices, strict=True):
             inside = ~noise.left_out[each.rows].any(axis=1)

@@ -6,6 +6,7 @@ are expected of the readings. Error motions have their sizes before any data, an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
@@ -15,16 +16,16 @@ from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.conclusion.visibility import typical_gains
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.gaussian_terms.gains import log_gains_by_squares
+from calibration.gaussian_terms.posterior import ROUNDING
 from calibration.gaussian_terms.structure import CLEAR_LOG_ODDS, Data, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
 PARALLEL = 1e-6
-"""Share of the largest eigenvalue of the products of some columns, in single precision, below which it is rounding."""
-ROUNDING_OF_SIGNAL = 1e-9
-"""Squares of a signal, in variances of the noise, below which it is rounding."""
-COSINE_DECIMALS = 6
+"""Share of the largest eigenvalue of the products of some columns below which it is rounding: about eight times that of
+single precision."""
+COSINE_DECIMALS = -round(math.log10(PARALLEL))
 """Decimals of a cosine beyond which causes with equal signals differ by rounding only."""
 SAME_LOG_ODDS = 1e-4
 """Difference of log odds below which forms are shown equally well; their products have single precision."""
@@ -107,7 +108,7 @@ class _Table(NamedTuple):
                 term.kind,
                 own,
                 "not visible" if log_odds < CLEAR_LOG_ODDS else "tied" if ties else "visible",
-                float(np.sqrt(signal / max(whole, signal, ROUNDING_OF_SIGNAL))),
+                float(np.sqrt(signal / max(whole, signal, ROUNDING))),
                 log_odds,
                 tuple(sorted(ties.items(), key=lambda tie: (-round(tie[1], COSINE_DECIMALS), tie[0]))),
                 term.effects[0].shown_by(self.candidates.structure.data.observations.measurement.state),

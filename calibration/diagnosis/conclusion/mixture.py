@@ -21,6 +21,7 @@ import numpy as np
 
 from calibration.diagnosis.conclusion.verdict import Judged
 from calibration.diagnosis.nameless import second_moment
+from calibration.diagnosis.search import PRESENT
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
@@ -28,7 +29,7 @@ from kinematics.effects import Effect
 from kinematics.error_model.priors import SIZES_IN_TYPICAL
 from kinematics.transforms import Array
 
-UNDECIDED = -3.0
+UNDECIDED = -PRESENT
 """Log odds from which a term counts, with its probability: below 1 to 20 it changes no uncertainty."""
 RELATIVE_SHAPE_PRIOR = 0.4
 """Prior standard deviation of a relative change of a time constant, lag, length or period: members of a family differ

@@ -14,6 +14,7 @@ from typing import Any, cast, get_args
 import msgspec
 import numpy as np
 
+from calibration.diagnosis.library.changes import HARMONICS_OF_TURN
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log
 from calibration.observation.mean_lines import point_of
@@ -70,8 +71,8 @@ from kinematics.state import State
 
 TIME_CONSTANTS = (0.1, 0.2, 0.4, 0.8)
 """Time constants of exponentials, as shares of the duration of the data; refined in the fit."""
-LAGS = (0.1, 0.4)
-"""Lags of temperatures and of duty, likewise."""
+LAGS = TIME_CONSTANTS[::2]
+"""Lags of temperatures and of duty, likewise, at steps twice as large."""
 LENGTHS = (0.2, 0.6)
 """Lengths of hysteresis, as quantiles of the distances since a reversal; refined in the fit."""
 ON_CIRCLES_MM = (0.15, 0.6)
@@ -82,7 +83,6 @@ CURVED = 2.0
 """Range of a temperature, K, above which a growth may be curved."""
 SIDES_DIFFER_RAD = 0.1
 """Least change of a direction, rad, by which the sides of tool and workpiece differ."""
-CAUSE_HARMONICS = (1, 2)
 OWN_DEGREE, OTHER_DEGREE = 1, 2
 """Degrees of error motions that depend on another axis."""
 REVERSAL_DEGREE = 2
@@ -326,7 +326,7 @@ def _of_ranges(measurement: Measurement) -> Iterator[Effect]:
         yield RangeOffset(offset_um=0.0)
     yield AirScale(scale_um_per_m=0.0)
     for circle in CIRCLES if own.BY_BEAM else ():
-        for harmonic in CAUSE_HARMONICS:
+        for harmonic in HARMONICS_OF_TURN:
             yield AngleHarmonic(circle=circle, harmonic=harmonic, sine_urad=0.0, cosine_urad=0.0)
     yield TrackerDrift()
     if given(measurement.state, "time"):

@@ -13,12 +13,12 @@ from kinematics.effects.geometric import Motion
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import split_chain
 
-WOBBLES = (1, 2)
-"""Harmonics of wobbles that a calibrated machine may have got."""
+HARMONICS_OF_TURN = (1, 2)
+"""Harmonics of an error of what turns, an axis or the circle of an encoder: it is eccentric or tilted, or oval."""
 SQUARE_BY_DATUM = ("E_C0X", "E_B0X", "E_A0Y")
 """Orientations that are zero by the datum: X is x, and Y lies in the x y plane."""
-BRIDGE = 1000.0
-"""Least length, mm, of a bridge that is driven on both sides."""
+BRIDGE_MM = 1000.0
+"""Least length of a bridge that is driven on both sides: a judgement, shorter ones are driven in the middle."""
 
 
 def changes(model: ErrorModel) -> Iterator[Effect]:
@@ -43,7 +43,7 @@ def changes(model: ErrorModel) -> Iterator[Effect]:
 
 def _wobbles(axis: str) -> Iterator[Effect]:
     for motion in get_args(Motion):
-        for harmonic in WOBBLES:
+        for harmonic in HARMONICS_OF_TURN:
             for sense in (1, -1):
                 yield Wobble(axis, motion, harmonic, sense, 0.0, 0.0)
 
@@ -54,7 +54,7 @@ def _racking(model: ErrorModel, intervals: Mapping[str, Interval]) -> Iterator[E
     if all(name in intervals and own_component(name) in "XY" for name in bridge) and len(bridge) == 2:
         axis, cross = bridge
         low, high = intervals[cross]
-        if high - low >= BRIDGE and own_component(axis) != own_component(cross):
+        if high - low >= BRIDGE_MM and own_component(axis) != own_component(cross):
             yield Racking(axis, cross, high - low, Legendre(intervals[axis], 1), (0.0, 0.0), low)
 
 

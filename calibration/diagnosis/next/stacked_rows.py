@@ -15,9 +15,10 @@ import numpy as np
 from calibration.follow_up.design import FollowUpDesign
 from calibration.gaussian_terms.noise import stops_of
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.posterior import ROUNDING
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
-from calibration.gaussian_terms.whitened import RANK, Whitener
+from calibration.gaussian_terms.whitened import Whitener
 from calibration.registration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
@@ -126,7 +127,7 @@ def _products_beside(columns: Array, free: Array) -> Array:
     """Products of columns less what any combination of the free ones explains."""
     length = np.linalg.norm(free, axis=0)
     spanned, values, _ = np.linalg.svd(free / np.where(length > 0.0, length, 1.0), full_matrices=False)
-    spanned = spanned[:, values > RANK * values.max(initial=0.0)]
+    spanned = spanned[:, values > ROUNDING * values.max(initial=0.0)]
     left = columns - spanned @ (spanned.T @ columns)
     return np.asarray(left.T @ left)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 
+from calibration.gaussian_terms.posterior import ROUNDING
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Legendre, Polynomial
 from kinematics.transforms import Array
 
@@ -14,8 +15,6 @@ MOST_HARMONICS = 50
 """Highest degree and order of a basis."""
 SAMPLES_OF_FEATURE = 8
 """Positions in each feature of a basis at which functions are compared."""
-EXACT_MISFIT = 1e-9
-"""Largest relative misfit of a function that a basis contains."""
 
 
 def refined(basis: Basis) -> Basis:
@@ -56,4 +55,4 @@ def contained(functions: Callable[[Array], Array], coarse: Basis, fine: Basis) -
     columns, values = fine.columns(x), functions(x)
     parameters, *_ = np.linalg.lstsq(columns, values, rcond=None)
     misfit = float(np.abs(columns @ parameters - values).max(initial=0.0))
-    return np.asarray(parameters) if misfit <= EXACT_MISFIT * float(np.abs(values).max(initial=0.0)) else None
+    return np.asarray(parameters) if misfit <= ROUNDING * float(np.abs(values).max(initial=0.0)) else None
