@@ -1,9 +1,9 @@
 """Calibrations of virtual machines, evaluated with their true errors: chi2, coverage of the stated uncertainties,
 efficiency.
 
-    python benchmarks/virtual_fits.py [--draws 200]
+    python benchmarks/virtual_fits.py [--draws 200] [--prior size_of_machine=2 ...]
 
-For each machine and draw: random errors, a noisy measurement, the basis chosen by its evidence, a fit.
+For each machine and draw: random errors, a noisy measurement, a fit; `--prior` states other priors of the machine.
 Deviations are compared on a grid of positions that were not measured, after rigid alignment of the difference, since no
 measurement from an unknown position shows a rigid shift.
 """
@@ -11,8 +11,10 @@ measurement from an unknown position shows a rigid shift.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -98,10 +100,11 @@ def judge(machine: Machine, truth: ErrorModel, found: Fit, grid: Array, tool: tu
     return Judged(found.chi2_reduced, before, error * 1e3, u.reshape(n, 3) * 1e3)
 
 
-def one(name: str, draw: int) -> Judged:
-    """One draw."""
+def one(name: str, draw: int, stated: Mapping[str, Any]) -> Judged:
+    """One draw; stated: priors of the machine that differ from those of its kind."""
     case, rng = CASES[name], np.random.default_rng([20, draw])
     machine = machines.load(case.machine)
+    machine = replace(machine, priors=replace(machine.priors, **stated))
     truth = random_true_model(machine, rng)
     measurement = measure(case, machine, truth, rng)
     found = calibrate(measurement, hold_out=False).fit
@@ -109,9 +112,9 @@ def one(name: str, draw: int) -> Judged:
     return judge(machine, truth, found, evaluation_grid(machine, 5), tool)
 
 
-def run(name: str, draws: int, pool: Executor) -> None:
+def run(name: str, draws: int, stated: Mapping[str, Any], pool: Executor) -> None:
     """All draws of one case."""
-    judged = list(pool.map(one, [name] * draws, range(draws)))
+    judged = list(pool.map(one, [name] * draws, range(draws), [stated] * draws))
     chi2 = np.array([j.chi2 for j in judged])
     error, u = (np.stack([getattr(j, field) for j in judged]) for field in ("error", "u"))
     volumetric = np.sqrt(np.mean(np.sum(error**2, axis=2), axis=1))
@@ -135,10 +138,12 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=200)
-    draws = parser.parse_args().draws
+    parser.add_argument("--prior", action="append", default=[], help="NAME=VALUE of [priors] in the machine file")
+    given = parser.parse_args()
+    stated = {name: float(value) for name, _, value in (each.partition("=") for each in given.prior)}
     with ProcessPoolExecutor() as pool:
         for name in CASES:
-            run(name, draws, pool)
+            run(name, given.draws, stated, pool)
 
 
 if __name__ == "__main__":

@@ -28,12 +28,13 @@ def stated_sizes(fits: Fits, parts: tuple[Part, ...], scale: float) -> Sizes:
 
 def chosen(fits: Fits, parts: tuple[Part, ...], drawn: Sample) -> dict[tuple[tuple[Part, ...], Sizes], np.ndarray]:
     """Number `(1,)` of each draw by the parts of its fit and their likeliest sizes."""
+    known = fits.columns.measurement.machine.priors
     bands, prior = _bands(fits, parts, Asked(of_fit=True))
     information = fits.information(parts) * np.outer(prior, prior)
     along = np.concatenate([fits.right(part, drawn) for part in parts]) * prior[:, None]
 
     def sizes(right: Array) -> Sizes:
-        found = likeliest(Equations(np.zeros(0), information, right), bands, 1.0, bands.first_sizes)
+        found = likeliest(Equations(np.zeros(0), information, right), bands, known, 1.0, bands.first_sizes)
         return Sizes(prior * found.sizes[bands.bands])
 
     return {(parts, sizes(right)): np.array([draw]) for draw, right in enumerate(along.T)}

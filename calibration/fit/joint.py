@@ -94,7 +94,8 @@ class Joint:
         """Likeliest sizes `(p,)` of the parameters, in units of their priors, and factors to their root mean square."""
         information = _sum([share.information for share in self.shares])
         along = _sum([share.slope for share in self.shares]) + information @ (self.model.parameters / self.prior)
-        found = likeliest(Equations(np.zeros(0), information, along), bands, 1.0, bands.first_sizes)
+        known = self.shares[0].alone.measurement.machine.priors
+        found = likeliest(Equations(np.zeros(0), information, along), bands, known, 1.0, bands.first_sizes)
         return found.sizes[bands.bands], (found.root_mean_squares / found.sizes)[bands.bands]
 
     @cached_property

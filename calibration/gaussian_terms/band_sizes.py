@@ -14,11 +14,9 @@ import numpy as np
 from calibration.gaussian_terms.geometry import FIT_BANDS, Bands, Key
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.observation.full_model import ROTARY
+from kinematics.error_model.priors import Priors
 from kinematics.transforms import Array
 
-LOG_SIZE_OF_MACHINE, LOG_SIZE_OF_AXES, LOG_SIZE_OF_MOTION, LOG_SIZE_OF_BAND = 1.0, 1.0, 0.7, 0.7
-"""Standard deviations of the logarithms of sizes: common to the machine, to its linear or its rotary axes, to an axis
-and kind of error motion, and of a band. Together a factor of 5.6: machines err by 3 to 300 um."""
 OCTAVES_ALIKE = 1.0
 """Distance of bands, in octaves of the degree, over which the correlation of their sizes falls to 1 / e."""
 DEGREE_OF_CONSTANT = 0.5
@@ -41,12 +39,12 @@ class Likeliest(NamedTuple):
     """Root mean squares of the sizes: the mean square of a size is larger than its likeliest square."""
 
 
-def likeliest(equations: Equations, bands: Bands, factor: float, first: Array) -> Likeliest:
+def likeliest(equations: Equations, bands: Bands, priors: Priors, factor: float, first: Array) -> Likeliest:
     """The likeliest sizes of the bands for white observations of a variance factor, by Newton's steps."""
     free = np.flatnonzero(~bands.fixed)
     if not len(free):
         return Likeliest(first, np.zeros((0, 0)), np.zeros((bands.width, 0)), first)
-    precision = np.asarray(np.linalg.inv(covariance_of_logs([bands.keys[number] for number in free])))
+    precision = np.asarray(np.linalg.inv(covariance_of_logs([bands.keys[number] for number in free], priors)))
     of_bands = (bands.bands[:, None] == free).astype(float)
 
     def sized(logs: Array) -> Array:
@@ -95,13 +93,13 @@ def _slope_and_covariance(posterior: Posterior, of_bands: Array, precision: Arra
     return np.asarray(slope), np.asarray((vectors / curvature) @ vectors.T)
 
 
-def covariance_of_logs(keys: Sequence[Key]) -> Array:
+def covariance_of_logs(keys: Sequence[Key], priors: Priors) -> Array:
     """Prior covariance `(bands, bands)` of the logarithms of the sizes of bands with these keys."""
     edges = (FIT_BANDS[number] for _, _, number in keys)
     octaves = np.log2([np.sqrt(low * high) or DEGREE_OF_CONSTANT for low, high in edges])
     same = np.array([[one[:2] == other[:2] for one in keys] for other in keys], bool)
     near = np.exp(-np.abs(octaves[:, None] - octaves) / OCTAVES_ALIKE)
     rotary = np.array([key[0][0] in ROTARY for key in keys], bool)
-    of_axes = LOG_SIZE_OF_AXES**2 * (rotary[:, None] == rotary)
-    of_motion = same * (LOG_SIZE_OF_MOTION**2 + LOG_SIZE_OF_BAND**2 * near)
-    return np.asarray(LOG_SIZE_OF_MACHINE**2 + of_axes + of_motion)
+    of_axes = priors.size_of_axes**2 * (rotary[:, None] == rotary)
+    of_motion = same * (priors.size_of_motion**2 + priors.size_of_band**2 * near)
+    return np.asarray(priors.size_of_machine**2 + of_axes + of_motion)

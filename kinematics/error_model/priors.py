@@ -41,6 +41,15 @@ class Priors:
     """Least expected size of a band or a cause, as a share of its prior size."""
     band_weight: float = 4.0
     """Weight of the expected size of a band, in coefficients: an inverse gamma prior with a finite mean."""
+    size_of_machine: float = 1.0
+    """Standard deviation of the logarithm of the sizes of error motions in a fit that all axes share: a factor of 2.7.
+    The four together are a factor of 5.6: machines err by 3 to 300 um."""
+    size_of_axes: float = 1.0
+    """The same of all linear, or of all rotary axes: a machine of good guides may have a poor table."""
+    size_of_motion: float = 0.7
+    """The same of the positioning, the straightness or the angles of an axis: a factor of 2."""
+    size_of_band: float = 0.7
+    """The same of a band of waves, which is nearly shared with the next bands."""
     term_weight: float = 0.2
     """Weight of the expected size of a cause, in coefficients: its size is nearly free."""
     first_side: float = 5.0

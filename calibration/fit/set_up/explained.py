@@ -130,7 +130,8 @@ def _with_sizes_and_noise(structure: Structure) -> Structure:
 
 
 def _likeliest(structure: Structure) -> Likeliest:
-    return likeliest(structure.equations, structure.data.geometry, structure.noise.factor, structure.band_sizes)
+    bands, priors = structure.data.geometry, structure.priors
+    return likeliest(structure.equations, bands, priors, structure.noise.factor, structure.band_sizes)
 
 
 def coarse_fit(measurement: Measurement, effects: Sequence[Effect] = ()) -> Fit:
