@@ -119,8 +119,7 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
 def information(measurement: Measurement) -> int:
     """Largest number of parameters that the rows can determine: at each position the six of a rigid body at most."""
     _, position = np.unique(np.round(measurement.state.positions, 6), axis=0, return_inverse=True)
-    component = np.zeros(len(measurement)) if measurement.component is None else measurement.component
-    _, read = np.unique(component, return_inverse=True)
+    _, read = np.unique(measurement.motions, return_inverse=True)
     seen = np.unique(np.stack([position.reshape(-1), measurement.target_number, read], axis=1), axis=0)
     return int(np.minimum(np.bincount(seen[:, 0]) * measurement.components, 6).sum())
 
@@ -133,7 +132,7 @@ def disagreement(found: Fit) -> str:
     number, rows = int(np.count_nonzero(found.disagreeing)), int(np.count_nonzero(~found.copies))
     if not too_many(number, rows):
         return ""
-    kind = "runs" if found.measurement.axis is not None else "stations"
+    kind = "runs" if found.measurement.axis_rows else "stations"
     fate = [f"all rows of {kind} {', '.join(found.failed)} are left out"] if found.failed else []
     stay = int(np.count_nonzero(found.suspected))
     fate += [f"{stay} of them stay in the fit and in every figure"] if stay else []

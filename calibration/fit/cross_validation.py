@@ -146,7 +146,7 @@ def _refit(
     near: a fit of which these are the kept rows. An interferometer's runs have zeros that their own rows determine.
     Circles in one plane leave the table ball free across it, where the distance is not linear.
     """
-    linear = good.axis is None and good.instrument.OBSERVES != "distance" and _is_linear(model)
+    linear = not good.axis_rows and not good.instrument.ON_CIRCLES and _is_linear(model)
     if variance == "sheet" and linear:
         with suppress(UserError):
             whole = fit(good, model, prior=prior) if near is None else near
@@ -278,7 +278,7 @@ def summed_up(unexplained: Array, whitener: Array, per_micro: Array, labels: np.
 
 def _with_own_zeros(measurement: Measurement, block: np.ndarray, found: Fitted) -> Array:
     """Residuals `(n, d)` of all rows; runs of the block that the fit lacks have zeros and slopes of their own."""
-    if measurement.axis is None:
+    if not measurement.axis_rows:
         return residuals(measurement, found.model, found.registration)
     missing = np.flatnonzero(block & ~np.isin(measurement.groups, list(found.registration.zeros)))
     if not len(missing):
@@ -307,7 +307,7 @@ def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:
     The zero of a run of an interferometer may also come from its own rows, where it has OWN_ZERO or more.
     """
     predicted = np.ones(len(measurement), bool)
-    if measurement.axis is not None:
+    if measurement.axis_rows:
         _, number = np.unique(measurement.groups, return_inverse=True)
         return np.asarray((np.bincount(number, others)[number] >= 1) | (np.bincount(number)[number] >= OWN_ZERO))
     known = np.array([target.known for target in measurement.targets.values()])

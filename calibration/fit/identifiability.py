@@ -13,7 +13,7 @@ import numpy as np
 from calibration.fit.datum import gauge, null_space
 from calibration.fit.fit import Fit
 from calibration.fit.linear import singular_values
-from calibration.measurement.measurement import Measurement
+from calibration.instruments.base import INDEPENDENT, along_itself, axes_of
 from calibration.observation.full_model import ROTARY
 from kinematics.basis import Fourier, Harmonics, Legendre
 from kinematics.effects import Effect, ErrorMotion
@@ -30,7 +30,6 @@ ON_TABLE = (
 UNLIKE_LINES = (
     "lines that are not alike about the middle would show it (ncomp plan path); another tool vector would not"
 )
-INDEPENDENT = "positions in which the axes move independently of each other, over their whole travel, would show it"
 """Measurements that would determine effects."""
 
 
@@ -146,7 +145,7 @@ def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
     effects, columns = fit.model.effects, fit.model.slices
     found: list[Unidentifiable] = []
     explained = conventional
-    along = tuple(i for i, effect in enumerate(effects) if _along_itself(effect))
+    along = tuple(i for i, effect in enumerate(effects) if along_itself(effect))
     groups = [*combinations(range(len(effects)), 1), *combinations(range(len(effects)), 2), along]
     for members in filter(None, groups):
         part = np.concatenate([np.arange(columns[i].start, columns[i].stop) for i in members])
@@ -167,11 +166,6 @@ def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
         ]
         found.append(_unidentifiable(fit, mixed, others.shape[1], sum(len(effect.parameters) for effect in mixed)))
     return found
-
-
-def _along_itself(effect: Effect) -> bool:
-    """True for the positioning error of a linear axis; a path may not determine a function common to all of them."""
-    return effect.OF_ISO_230 and effect.part == "own" and not effect.angular
 
 
 def _inside(null: Array, part: np.ndarray) -> Array:
@@ -209,84 +203,16 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     carried = {axis.name for axis in measurement.machine.axes if axis.side == "workpiece"}
     unseen = measurement.stands_on == "bed" and len(vectors) == len(measurement.targets)
     spread = np.linalg.matrix_rank(vectors - vectors[:1]) if len(vectors) else 0
-    if unseen and _axes(effects) & carried:
+    if unseen and axes_of(effects) & carried:
         return ON_TABLE
     if measurement.across is not None and not any(effect.angular for effect in effects):
         return UNLIKE_LINES
-    remedies = {
-        "offset": _remedy_of_probe,
-        "distance": _remedy_of_ballbar,
-        "range": _remedy_of_ranges,
-        "length": _remedy_of_lengths,
-    }
-    own = remedies.get(measurement.instrument.OBSERVES)
-    if own is not None:
-        return own(measurement, effects)
+    own = measurement.instrument.would_show(measurement, effects)
+    if own:
+        return own
     if measurement.instrument.components < 3:
         return "a measurement in all three directions of space would show it"
     if any(effect.angular for effect in effects) and spread < 2:
         needed = {0: "a second tool vector (two more, not in one line, for all angles)", 1: "a third tool vector"}
         return f"it needs {needed[int(spread)]} off the line of those measured"
     return "some targets were never measured" if len(used) < len(measurement.targets) else INDEPENDENT
-
-
-def _axes(effects: Sequence[Effect]) -> set[str]:
-    """Names of the axes of effects."""
-    return {axis for effect in effects if (axis := getattr(effect, "axis", None))}
-
-
-def _remedy_of_ballbar(measurement: Measurement, effects: Sequence[Effect]) -> str:
-    """The circles or instruments that would determine the effects for a ballbar."""
-    bar, machine = measurement.instrument, measurement.machine
-    moved = np.ptp(measurement.state.positions, axis=0) > 0.0
-    still = [axis.name for axis, own in zip(machine.axes, moved.tolist(), strict=True) if not own and not axis.rotary]
-    if bar.fits_length and all(_along_itself(effect) for effect in effects):
-        return (
-            "a bar whose length is fitted shows no scale, only differences of the axes' scales: calibrate its length "
-            "(# length_u_um: u), or use an interferometer"
-        )
-    if still:
-        return f"circles in the planes with {', '.join(still)} would show some of it"
-    if any(effect.angular for effect in effects):
-        return "circles with a tool ball of another length, or at other positions of the table ball, would show it"
-    return "circles of another radius, or at other positions of the table ball, would show some of it"
-
-
-def _remedy_of_ranges(measurement: Measurement, effects: Sequence[Effect]) -> str:
-    """The stations or targets that would determine the effects for ranges."""
-    missing = 3 - len(np.unique(measurement.groups))
-    if missing > 0:
-        stations = "one more station" if missing == 1 else f"{missing} more stations"
-        return f"ranges from {stations} in other directions would show it: a station sees errors along its beams only"
-    if any(effect.angular for effect in effects):
-        return "three targets on the tool, not in one line, would show it"
-    return INDEPENDENT
-
-
-def _remedy_of_lengths(measurement: Measurement, effects: Sequence[Effect]) -> str:  # noqa: ARG001
-    """The lengths and readings that would determine the effects for a ruler and a dial gauge."""
-    if all(_along_itself(effect) for effect in effects):
-        names = ", ".join(sorted(_axes(effects)))
-        return f"a length along {names}, over the whole range, would show it, or more lengths where it bends"
-    if any(effect.angular for effect in effects):
-        return "a level would show it, or lengths in several planes at different heights"
-    return (
-        "both diagonals of a rectangle in the plane of the two axes, or a square and a dial gauge, would show it; "
-        "where it bends, a dial gauge along a straight edge"
-    )
-
-
-def _remedy_of_probe(measurement: Measurement, effects: Sequence[Effect]) -> str:
-    """The spheres, distances or tips that would determine the effects for a touch probe."""
-    spheres = len(np.unique(measurement.groups))
-    if all(_along_itself(effect) for effect in effects):
-        second = "a second sphere, and " if spheres == 1 else ""
-        return (
-            f"spheres have no scale: {second}the calibrated distance of two spheres (# distance.A.B: mm u) would show "
-            "it, or an interferometer"
-        )
-    if spheres == 1:
-        return "a second sphere, at another height and farther from the lines of the rotary axes, would show some of it"
-    if any(effect.angular for effect in effects):
-        return "a second tip would show some of it: a probe of another length, or a stylus to the side"
-    return "more spheres, or rotary positions farther from each other, would show it"

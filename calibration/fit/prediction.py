@@ -210,10 +210,8 @@ def usual_states(measurement: Measurement) -> tuple[State, Array]:
 
 def measures_angles(measurement: Measurement) -> bool:
     """True for data of an interferometer along rotary axes alone, whose target may lie on the axis."""
-    if measurement.axis is None:
-        return False
-    machine = measurement.machine
-    return all(machine.rotary[machine.index(name)] for name in np.unique(measurement.axis).tolist())
+    machine, own = measurement.machine, measurement.axis_rows
+    return bool(own) and all(machine.rotary[machine.index(name)] for name in own)
 
 
 def usual_target(measurement: Measurement) -> tuple[float, ...]:

@@ -38,7 +38,6 @@ LINE_SLOPE_RAD = 5e-4
 class AlongAxes(InstrumentBase, frozen=True):
     """Base of the instruments that observe one axis at a time."""
 
-    OBSERVES = "deviation"
     FOLLOWED_UP = True
     REQUIRED = ("axis", "run", "direction")
     IF_TOO_FEW = "repeat the runs, or measure more positions"

@@ -7,13 +7,14 @@ the bar's length is in all readings, and is known to its uncertainty where the b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
 
+from calibration.instruments.base import along_itself
 from calibration.instruments.exact_numbers import joined
 from calibration.instruments.of_points import OfDistances, centred_pose
 from calibration.registration.registration import SHIFTS, Registration
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.states import MeasurementStates
     from calibration.measurement.text_table import Table
+    from kinematics.effects import Effect
 
 CENTRE, LENGTH, LENGTH_U, RADIUS = "centre", "length_mm", "length_u_um", "radius_mm"
 """Header keys of the table ball and of the length, and the column of the readings."""
@@ -50,7 +52,6 @@ SAME_WAY = 1e-6
 class Ballbar(OfDistances, frozen=True, tag="ballbar"):
     """A telescopic bar between a ball in the spindle and a ball on the table, which reads the distance of the balls."""
 
-    OBSERVES = "distance"
     PARTS = ("distance",)
     OBSERVED = (RADIUS,)
     HEADER_KEYS = (CENTRE, LENGTH, LENGTH_U)
@@ -143,6 +144,24 @@ class Ballbar(OfDistances, frozen=True, tag="ballbar"):
     def row_covariances(self, measurement: Measurement) -> Array:
         """The same for each reading."""
         return np.full((len(measurement), 1, 1), (self.u_um * 1e-3) ** 2)
+
+    def would_show(self, measurement: Measurement, effects: Sequence[Effect]) -> str:
+        """The circles or instruments that would determine the effects for a ballbar."""
+        machine = measurement.machine
+        moved = np.ptp(measurement.state.positions, axis=0) > 0.0
+        still = [
+            axis.name for axis, own in zip(machine.axes, moved.tolist(), strict=True) if not own and not axis.rotary
+        ]
+        if self.fits_length and all(along_itself(effect) for effect in effects):
+            return (
+                "a bar whose length is fitted shows no scale, only differences of the axes' scales: calibrate its "
+                "length (# length_u_um: u), or use an interferometer"
+            )
+        if still:
+            return f"circles in the planes with {', '.join(still)} would show some of it"
+        if any(effect.angular for effect in effects):
+            return "circles with a tool ball of another length, or at other positions of the table ball, would show it"
+        return "circles of another radius, or at other positions of the table ball, would show some of it"
 
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """The bar, and the table ball."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, get_args
 
 import msgspec
 import numpy as np
 
-from kinematics.effects import Component
+from kinematics.effects import Component, Effect
 from kinematics.machine import Machine, Vector
 from kinematics.state import State, with_moves
 from kinematics.transforms import Array
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from calibration.registration.registration import Registration
     from kinematics.error_model.model import Observation
     from kinematics.transforms import Pose
+
+INDEPENDENT = "positions in which the axes move independently of each other, over their whole travel, would show it"
+"""The measurement that shows what one more set-up of an instrument does not."""
 
 
 class ErrorsShown(NamedTuple):
@@ -61,13 +64,6 @@ class PlannedReadings(NamedTuple):
 class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of all instruments. The class holds the facts of the kind, an object the uncertainties of one instrument."""
 
-    OBSERVES: ClassVar[Literal["point", "offset", "distance", "range", "deviation", "length"]]
-    """What an observation is.
-
-    A point in the instrument's own frame; the offset of the tip from the centre of a ball on the table; the distance
-    of the tip from such a centre; the range from a station; the deviation along or about one axis; or the distance of
-    two positions, with readings of a dial gauge.
-    """
     PARTS: ClassVar[tuple[str, ...]] = ()
     """Names of the parts of an observation; empty where the rows of each axis are told apart instead."""
     STATIONED: ClassVar[bool] = False
@@ -238,6 +234,10 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
         """Name `(n,)` of the zero of each row among those of a registration: its set-up, where it has no other."""
         return measurement.groups
 
+    def would_show(self, measurement: Measurement, effects: Sequence[Effect]) -> str:
+        """The measurement by this instrument that would show errors which these data do not; empty for no advice."""
+        return ""
+
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """Header lines besides those of uncertainties and of usual targets, without `# `."""
         yield from ()
@@ -377,3 +377,13 @@ class InstrumentBase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     def other_readings(self, measurement: Measurement) -> Iterator[tuple[str, Measurement]]:
         """The measurement with each likely mistake in its readings reversed, after words for it; none for most."""
         yield from ()
+
+
+def along_itself(effect: Effect) -> bool:
+    """True for the positioning error of a linear axis; a path may not determine a function common to all of them."""
+    return effect.OF_ISO_230 and effect.part == "own" and not effect.angular
+
+
+def axes_of(effects: Sequence[Effect]) -> set[str]:
+    """Names of the axes of effects."""
+    return {axis for effect in effects if (axis := getattr(effect, "axis", None))}

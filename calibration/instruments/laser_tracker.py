@@ -26,7 +26,6 @@ MM_PER_UM, PER_M = 1e-3, 1e-6
 class LaserTracker(OfPoints, frozen=True, tag="laser-tracker"):
     """Points in the tracker's own frame, whose origin emits the beam: range, and two angles across the beam."""
 
-    OBSERVES = "point"
     PARTS = ("x", "y", "z")
     COORDINATES = True
     OBSERVED = ("x", "y", "z")

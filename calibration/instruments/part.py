@@ -26,7 +26,6 @@ PART_SHIFT_MM, PART_ROTATION_RAD = 0.1, 5e-4
 class Part(OfPoints, frozen=True, tag="part"):
     """Features of a machined workpiece in the part's frame, measured for example on a coordinate measuring machine."""
 
-    OBSERVES = "point"
     PARTS = ("x", "y", "z")
     COORDINATES = True
     OBSERVED = ("nominal_x", "nominal_y", "nominal_z", "x", "y", "z")

@@ -8,14 +8,14 @@ the tip at the recorded positions: zero where the tip was found in the centre, m
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import permutations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from calibration.instruments.base import LeastErrors
+from calibration.instruments.base import LeastErrors, along_itself
 from calibration.instruments.distances import distance_design, distance_residuals
 from calibration.instruments.of_points import OfPoints
 from calibration.instruments.targets import Distance, Target
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.states import MeasurementStates
     from calibration.measurement.text_table import Table
+    from kinematics.effects import Effect
 
 SQUARENESS_URAD = 30.0
 """Squareness of linear axes of a machine in good order (k = 1), urad, the same as of its rotary axes.
@@ -60,7 +61,6 @@ NAME = re.compile(r'[^\s,:".]+')
 class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
     """A touch probe in the spindle that finds the centres of spheres on the table, or an R-test that reads them."""
 
-    OBSERVES = "offset"
     PARTS = ("x", "y", "z")
     OBSERVED = (SPHERE, *READINGS)
     HEADER_KEYS = (TIP, SPINDLE, SQUARENESS)
@@ -165,6 +165,22 @@ class TouchProbe(OfPoints, frozen=True, tag="touch-probe"):
         """The same in each coordinate that the feature shows."""
         shown = [[axis in self.shows.get(name, "XYZ") for axis in "XYZ"] for name in measurement.groups.tolist()]
         return np.asarray(np.where(shown, self.u_um, UNSEEN_COORDINATE_UM)[:, :, None] ** 2 * 1e-6 * np.eye(3))
+
+    def would_show(self, measurement: Measurement, effects: Sequence[Effect]) -> str:
+        """The spheres, distances or tips that would determine the effects for a touch probe."""
+        spheres = len(np.unique(measurement.groups))
+        if all(along_itself(effect) for effect in effects):
+            second = "a second sphere, and " if spheres == 1 else ""
+            return (
+                f"spheres have no scale: {second}the calibrated distance of two spheres (# distance.A.B: mm u) would "
+                "show it, or an interferometer"
+            )
+        if spheres == 1:
+            where = "at another height and farther from the lines of the rotary axes"
+            return f"a second sphere, {where}, would show some of it"
+        if any(effect.angular for effect in effects):
+            return "a second tip would show some of it: a probe of another length, or a stylus to the side"
+        return "more spheres, or rotary positions farther from each other, would show it"
 
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """The tip, the spheres, and the distances."""

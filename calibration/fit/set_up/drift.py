@@ -17,6 +17,7 @@ from scipy import special
 
 from calibration.fit.fit import Fit
 from calibration.fit.set_up.explained import Explained, Wanted, explained
+from calibration.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice
 from calibration.plausibility.finding import Finding
@@ -89,7 +90,7 @@ class Drift:
 def with_drift(measurement: Measurement, wanted: Wanted) -> Drift:
     """The fit, with a drift where a centre that was measured again shows one."""
     plain = Drift(explained(measurement, wanted), (), ())
-    if measurement.instrument.OBSERVES != "offset":
+    if not measurement.instrument.FINDS_CENTRES:
         return plain
     shown = tuple(repeat_findings(plain.fit))
     if not any(repeat_findings(plain.fit, chi2=SPECIFIED)):
@@ -189,7 +190,7 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
     at least that of the specification.
     """
     measurement = found.measurement
-    if measurement.instrument.OBSERVES != "offset":
+    if not measurement.instrument.FINDS_CENTRES:
         return
     first, again = _repeats(measurement.groups, measurement.state.positions[:, measurement.machine.rotary])
     shift = -1e3 * (found.residual[again] - found.residual[first])
@@ -199,7 +200,10 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
     first, again, shift = first[near], again[near], shift[near]
     if not len(again):
         return
-    u = measurement.instrument.u_um * (2.0 * max(found.chi2_reduced if chi2 is None else chi2, 1.0)) ** 0.5
+    u = (
+        TouchProbe.expect(measurement.instrument).u_um
+        * (2.0 * max(found.chi2_reduced if chi2 is None else chi2, 1.0)) ** 0.5
+    )
     k = int(np.argmax(np.linalg.norm(shift, axis=1)))
     if np.abs(shift[k]).max() <= u * -special.ndtri(FALSE_SHIFT_PROBABILITY / (2.0 * shift.size)):
         return

@@ -54,7 +54,7 @@ def moved_findings(measurement: Measurement, *, force: bool) -> list[Finding]:
 
 def moved_spheres(measurement: Measurement) -> str:
     """Statement, without a full stop, of the spheres that moved, by how much, and before which row; empty for none."""
-    if measurement.instrument.OBSERVES != "offset":
+    if not measurement.instrument.FINDS_CENTRES:
         return ""
     found = coarse_fit(measurement)
     tried = [(step, coarse_fit(_renamed(measurement, step))) for step in _steps(found)]

@@ -73,7 +73,7 @@ def run_zeros(found: Registered) -> list[RunZero]:
     They are those beside error motions whose mean is zero.
     """
     measurement = found.measurement
-    if measurement.axis is None:
+    if not measurement.axis_rows:
         return []
     groups, per_micro = measurement.groups, measurement.per_micro[:, 0]
     specified = np.sqrt(measurement.specified_covariances[:, 0, 0])
@@ -86,9 +86,10 @@ def run_zeros(found: Registered) -> list[RunZero]:
         rows = np.flatnonzero((groups == name) & found.kept)
         if name not in found.registration.zeros or not len(rows):
             continue
-        axis, factor = str(measurement.axis[first]), float(per_micro[first])
+        axis, factor = _axis_of(measurement, first), float(per_micro[first])
         # the scatter of all runs of an axis is the better known
-        alike = (measurement.axis == axis) & (per_micro == factor) & found.kept
+        of_axis = measurement.axis_rows[axis]
+        alike = of_axis[((per_micro == factor) & found.kept)[of_axis]]
         noise = max(float(specified[rows].mean()), float(np.sqrt(np.mean(found.residual[alike] ** 2))))
         result.append(
             RunZero(
@@ -129,8 +130,12 @@ def zero_findings(zeros: Sequence[RunZero]) -> Iterator[Finding]:
 
 def _observed(measurement: Measurement, axis: str, row: int) -> str:
     """The component of the error motion of an axis that a row observed."""
-    named = "" if measurement.component is None else str(measurement.component[row])
-    return named or own_component(axis)
+    return str(measurement.motions[row]) or own_component(axis)
+
+
+def _axis_of(measurement: Measurement, row: int) -> str:
+    """The axis that a row observed by itself."""
+    return next(axis for axis, rows in measurement.axis_rows.items() if row in rows)
 
 
 def _first(groups: np.ndarray) -> tuple[list[str], list[int]]:

@@ -180,7 +180,7 @@ def findings(measurement: Measurement, found: Sequence[TargetPosition]) -> Itera
         return
     if measurement.instrument.BY_BEAM:
         yield Finding("targets", ONE_TARGET, False)
-    if measurement.instrument.OBSERVES == "offset":
+    if measurement.instrument.FINDS_CENTRES:
         yield Finding("targets", ONE_TIP + _zero_of_table(measurement.machine), False)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from calibration.instruments.base import ErrorsShown, InstrumentBase, LeastErrors
+from calibration.instruments.base import ErrorsShown, InstrumentBase, LeastErrors, along_itself, axes_of
 from calibration.instruments.lengths import reading
 from calibration.instruments.lengths.geometry import (
     RIGHT_ANGLE,
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.states import MeasurementStates
     from calibration.measurement.text_table import Table
+    from kinematics.effects import Effect
     from kinematics.error_model.model import Observation
     from kinematics.state import State
     from kinematics.transforms import Pose
@@ -71,7 +72,6 @@ LEAST_END_U_UM = 1e-3
 class Lengths(InstrumentBase, frozen=True, tag="lengths"):
     """A ruler or calipers, and a dial gauge."""
 
-    OBSERVES = "length"
     PARTS = ("length",)
     OBSERVED = (reading.OBSERVED,)
     OPTIONAL = (reading.SCATTER,)
@@ -166,6 +166,18 @@ class Lengths(InstrumentBase, frozen=True, tag="lengths"):
         """The state without moves: marks were made in any order. Directions are those of the rows."""
         still = np.zeros_like(state.positions)
         return replace(state, last_move=still, approach=still)
+
+    def would_show(self, measurement: Measurement, effects: Sequence[Effect]) -> str:
+        """The lengths and readings that would determine the effects for a ruler and a dial gauge."""
+        if all(along_itself(effect) for effect in effects):
+            names = ", ".join(sorted(axes_of(effects)))
+            return f"a length along {names}, over the whole range, would show it, or more lengths where it bends"
+        if any(effect.angular for effect in effects):
+            return "a level would show it, or lengths in several planes at different heights"
+        return (
+            "both diagonals of a rectangle in the plane of the two axes, or a square and a dial gauge, would show it; "
+            "where it bends, a dial gauge along a straight edge"
+        )
 
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """The uncertainties of the ruler's scale and of the square's angle."""

@@ -7,12 +7,13 @@ station has the directions of its base, and its origin in the station, so that o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from calibration.instruments.base import INDEPENDENT
 from calibration.instruments.exact_numbers import joined
 from calibration.instruments.of_points import OfDistances, centred_pose
 from calibration.instruments.ranging.air import HELIUM_NEON_NM, refractive_index
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.states import MeasurementStates
     from calibration.measurement.text_table import Table
+    from kinematics.effects import Effect
     from kinematics.transforms import Pose
 
 RANGE = "range_mm"
@@ -50,7 +52,6 @@ VIRTUAL_DEAD_LENGTH_MM = 1000.0
 class Ranging(OfDistances, frozen=True, tag="ranging"):
     """An interferometer that follows a target (LaserTRACER), or an absolute distance meter: ranges without angles."""
 
-    OBSERVES = "range"
     PARTS = ("range",)
     OBSERVED = (RANGE,)
     OPTIONAL = AIR[1:]
@@ -181,6 +182,18 @@ class Ranging(OfDistances, frozen=True, tag="ranging"):
         beams = measurement.state.observed
         far = np.abs(measurement.observed[:, 0]) if beams is None else np.linalg.norm(beams, axis=1)
         return np.asarray((self.u_range_um * 1e-3 + self.u_range_um_per_m * 1e-6 * far) ** 2)[:, None, None]
+
+    def would_show(self, measurement: Measurement, effects: Sequence[Effect]) -> str:
+        """The stations or targets that would determine the effects for ranges."""
+        missing = 3 - len(np.unique(measurement.groups))
+        if missing > 0:
+            stations = "one more station" if missing == 1 else f"{missing} more stations"
+            return (
+                f"ranges from {stations} in other directions would show it: a station sees errors along its beams only"
+            )
+        if any(effect.angular for effect in effects):
+            return "three targets on the tool, not in one line, would show it"
+        return INDEPENDENT
 
     def header_lines(self, measurement: Measurement) -> Iterator[str]:
         """The base on which the stations stand, about where they are, and their dead lengths."""
