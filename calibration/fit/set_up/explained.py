@@ -36,6 +36,8 @@ AUTO = "auto"
 """The bases whose sizes the data decide."""
 MOST_SIZING_SCALARS = 9000
 """Most observations by which sizes and noise are found; whole stops, evenly spread."""
+FIRST_NOISE_FACTOR = 100.0
+"""Factor on the variances of the specification with which the search begins: an instrument ten times worse."""
 NOISE_STANDARD_ERRORS = 4.0
 """Standard errors by which the variances of an instrument must differ from its specification."""
 NONLINEAR_ROUNDS = 2
@@ -119,8 +121,11 @@ def _with_sizes(structure: Structure) -> Structure:
 
 
 def _with_sizes_and_noise(structure: Structure) -> Structure:
-    """The structure with the likeliest sizes, noise and outliers."""
-    found = _with_sizes(structure)
+    """The structure with the likeliest sizes, noise and outliers, found from a larger noise.
+
+    From a smaller one the search may end where fine error motions explain the noise, which is less likely.
+    """
+    found = _with_sizes(replace(structure, noise=replace(structure.noise, factor=FIRST_NOISE_FACTOR)))
     for _ in range(MOST_STRUCTURE_ROUNDS):
         before = found.noise
         found = _with_sizes(found.with_noise())
