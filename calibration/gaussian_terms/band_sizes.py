@@ -37,13 +37,15 @@ class Likeliest(NamedTuple):
     """Derivatives `(p, free)` of the coefficients by these logarithms."""
     root_mean_squares: Array
     """Root mean squares of the sizes: the mean square of a size is larger than its likeliest square."""
+    log_prior: float
+    """Log of the share of their prior that the data leave, and of the density there (Laplace)."""
 
 
 def likeliest(equations: Equations, bands: Bands, priors: Priors, factor: float, first: Array) -> Likeliest:
     """The likeliest sizes of the bands for white observations of a variance factor, by Newton's steps."""
     free = np.flatnonzero(~bands.fixed)
     if not len(free):
-        return Likeliest(first, np.zeros((0, 0)), np.zeros((bands.width, 0)), first)
+        return Likeliest(first, np.zeros((0, 0)), np.zeros((bands.width, 0)), first, 0.0)
     precision = np.asarray(np.linalg.inv(covariance_of_logs([bands.keys[number] for number in free], priors)))
     of_bands = (bands.bands[:, None] == free).astype(float)
 
@@ -75,7 +77,9 @@ def likeliest(equations: Equations, bands: Bands, priors: Priors, factor: float,
     moves = 2.0 * posterior.sizes[:, None] * (spread @ (of_bands * unit[:, None]))
     root_mean_squares = sized(logs)
     root_mean_squares[free] *= np.exp(np.diag(covariance))
-    return Likeliest(sized(logs), covariance, moves, root_mean_squares)
+    left = float(np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(precision)[1])
+    log_prior = 0.5 * (left - float(logs @ precision @ logs))
+    return Likeliest(sized(logs), covariance, moves, root_mean_squares, log_prior)
 
 
 def _slope_and_covariance(posterior: Posterior, of_bands: Array, precision: Array) -> tuple[Array, Array]:

@@ -203,11 +203,14 @@ class Structure:
         fitted = ~self.data.geometry.fixed
         ratio = (about / squares)[fitted]
         of_sizes = -0.5 * self.priors.band_weight * float(np.sum(ratio - 1.0 - np.log(ratio)))
-        of_noise = -sum(
-            float(np.log1p((size / self.priors.non_repeatability_um) ** 2)) for size in self.noise.repeats.values()
-        )
         of_terms = sum(term.log_prior for term in self.terms) + self._log_widths
-        return self.log_evidence + of_sizes + of_noise + of_terms
+        return self.log_evidence + of_sizes + self.log_noise_prior + of_terms
+
+    @property
+    def log_noise_prior(self) -> float:
+        """Log density of the non-repeatabilities before any data (half-Cauchy)."""
+        typical = self.priors.non_repeatability_um
+        return -sum(float(np.log1p((size / typical) ** 2)) for size in self.noise.repeats.values())
 
     @property
     def _log_widths(self) -> float:

@@ -6,7 +6,7 @@ sizes as priors, and this noise, the fit is exact in all parameters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -36,8 +36,8 @@ AUTO = "auto"
 """The bases whose sizes the data decide."""
 MOST_SIZING_SCALARS = 9000
 """Most observations by which sizes and noise are found; whole stops, evenly spread."""
-FIRST_NOISE_FACTOR = 100.0
-"""Factor on the variances of the specification with which the search begins: an instrument ten times worse."""
+LARGE_NOISE_FACTOR = 100.0
+"""Factor on the variances of the specification with which a search begins: an instrument ten times worse."""
 NOISE_STANDARD_ERRORS = 4.0
 """Standard errors by which the variances of an instrument must differ from its specification."""
 NONLINEAR_ROUNDS = 2
@@ -107,12 +107,25 @@ def explained(measurement: Measurement, wanted: Wanted) -> Explained:
         structure = Structure.first(replace(data, gross=data.gross | suspects))
         # few readings do not show their noise
         find = _with_sizes if measurement.instrument.MAY_BE_FEW else _with_sizes_and_noise
-        structure = linearised(find(structure), find) if about is None else find(structure)
+        likelier = max((find(first) for first in _starts(structure)), key=_log_posterior)
+        structure = linearised(likelier, find) if about is None else likelier
         found = _fitted(measurement, structure, wanted)
         about = msgspec.structs.replace(found.model, covariance=None)
         by_name = {effect.name: effect for effect in about.effects}
         effects = tuple(by_name[effect.name] for effect in effects)
     return Explained(found, structure)
+
+
+def _starts(structure: Structure) -> Iterator[Structure]:
+    """The starts of the search: where it begins with little noise, it may end where fine error motions stand for it."""
+    yield structure
+    if not structure.data.observations.measurement.instrument.MAY_BE_FEW:
+        yield replace(structure, noise=replace(structure.noise, factor=LARGE_NOISE_FACTOR))
+
+
+def _log_posterior(structure: Structure) -> float:
+    """Log posterior of a structure of bands alone, up to a constant of the data."""
+    return structure.log_evidence + structure.log_noise_prior + _likeliest(structure).log_prior
 
 
 def _with_sizes(structure: Structure) -> Structure:
@@ -121,11 +134,8 @@ def _with_sizes(structure: Structure) -> Structure:
 
 
 def _with_sizes_and_noise(structure: Structure) -> Structure:
-    """The structure with the likeliest sizes, noise and outliers, found from a larger noise.
-
-    From a smaller one the search may end where fine error motions explain the noise, which is less likely.
-    """
-    found = _with_sizes(replace(structure, noise=replace(structure.noise, factor=FIRST_NOISE_FACTOR)))
+    """The structure with the likeliest sizes, noise and outliers."""
+    found = _with_sizes(structure)
     for _ in range(MOST_STRUCTURE_ROUNDS):
         before = found.noise
         found = _with_sizes(found.with_noise())

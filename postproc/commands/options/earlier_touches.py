@@ -7,8 +7,6 @@ import io
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
@@ -38,6 +36,8 @@ def drift_entry(found: Drift, results: Mapping[str, Any], inputs: Iterable[str |
 
     def made() -> Result:
         """The entry, with the fingerprints of the files as they are now."""
+        import numpy as np
+
         from calibration.measurement.written_file import write_measurement
         from history.results import fingerprints, instant, of_results
         from history.touches import kept
