@@ -109,7 +109,7 @@ MISTAKES = (
     data("readings in metres", "data.csv", "the points differ from the commanded positions", "m, mm or um mixed up", *(column(name, lambda value: value / 1000.0) for name in "xyz")),
     data("y and z exchanged", "data.csv", "the points differ from the commanded positions by", "or with columns Y and Z exchanged", change("data.csv", "run,x,y,z", "run,x,z,y")),
     data("readings of the next row", "data.csv", "no exchange of columns, targets, signs or units explains this", "are these points of this machine and of these positions?", ("data.csv", _shifted)),
-    data("ten points only", "data.csv", "are too few for", "measure about", _cut(20)),
+    data("five points only", "data.csv", "are too few for", "measure about", _cut(15)),
     data("one point only", "data.csv", "no axis moves in these data", "measure at several positions", _cut(11)),
     data("header only", "data.csv", "there are no rows", "below the names of columns", _cut(10)),
     data("saved as Unicode by a spreadsheet", "data.csv", "is UTF-16 text", "save it as plain text", ("data.csv", lambda text: text.encode("utf-16"))),
