@@ -31,7 +31,6 @@ from calibration.fit.linear import pseudo_inverse, singular_values
 from calibration.fit.problem import Problem, Solved
 from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.observation.full_model import priors
 from calibration.observation.mean_lines import Line, mean_line
 from calibration.registration.registration import Registration
 from kinematics.basis import Basis
@@ -83,14 +82,8 @@ def null_space(information: Array) -> Array:
     return pseudo_inverse(information, NULL_EIGENVALUE, 1.0).null
 
 
-def at_least_typical(model: ErrorModel, prior: Array) -> Array:
-    """Prior sizes `(p,)`, none below its typical size: what no measurement shows does not depend on these data."""
-    return np.asarray(np.maximum(prior, priors(model)))
-
-
 def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
     """Directions `(p, k)` of the parameters, in prior units and orthonormal, that no measurement can show."""
-    prior = at_least_typical(model, prior)
     motions = model.error_motions
     columns = np.concatenate([np.arange(part.start, part.stop) for _, part in motions] or [np.zeros(0, int)])
     found = np.zeros((len(prior), 0))
@@ -128,7 +121,6 @@ def to_datum(machine: Machine, model: ErrorModel, prior: Array, arms: Mapping[st
     free = gauge(machine, model, prior)
     if not free.shape[1]:
         return np.eye(len(prior))
-    prior = at_least_typical(model, prior)
     scale = np.where(np.isfinite(prior), prior, 1.0)
     rules = _rules(machine, model, arms) * scale
     u, values, directions = np.linalg.svd(rules @ free)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.fit.datum import at_least_typical, gauge, null_space
+from calibration.fit.datum import gauge, null_space
 from calibration.fit.fit import Fit
 from calibration.fit.linear import singular_values
 from calibration.instruments.base import INDEPENDENT, along_itself, axes_of
@@ -122,16 +122,15 @@ def _of_low_degree(motion: ErrorMotion, positions: int, low: Low) -> ErrorMotion
 
 def identifiability(fit: Fit) -> Identifiability:
     """The identifiability of the model of a fit from its data."""
-    units = np.where(np.isfinite(fit.prior), at_least_typical(fit.model, fit.prior) / fit.prior, 1.0)
-    units = units[:, None] * units
-    null = null_space(fit.solved.information * units)
+    information = fit.solved.information
+    null = null_space(information)
     free = gauge(fit.measurement.machine, fit.model, fit.prior)
     u, values, _ = singular_values(null @ (null.T @ free))
     conventional = np.asarray(u[:, values > 1 - ROUNDING_OF_SHARE])
     size = len(fit.prior)
     return Identifiability(
         size,
-        size - null_space(fit.solved.machine_information * units).shape[1],
+        size - null_space(fit.solved.machine_information).shape[1],
         size - null.shape[1],
         conventional.shape[1],
         tuple(_named(fit, null, conventional)),
