@@ -159,9 +159,16 @@ def changed(gram: Array, sizes: Array, factor: float) -> np.ndarray:
 
 
 def _root(matrix: Array, factor: float) -> Array:
-    """Upper root of a matrix, which is lost, and a multiple of the unit matrix."""
+    """Upper root of a matrix, which is lost, and a multiple of the unit matrix.
+
+    Where the noise of exact data is less than the rounding of their products, that is added.
+    """
+    rounding = float(np.finfo(float).eps * len(matrix) * np.diagonal(matrix).max())
     matrix.flat[:: len(matrix) + 1] += factor
-    upper, failed = lapack.dpotrf(matrix.T, lower=False, overwrite_a=True)
+    upper, failed = lapack.dpotrf(matrix.T, lower=False)
+    if failed:
+        matrix.flat[:: len(matrix) + 1] += rounding
+        upper, failed = lapack.dpotrf(matrix.T, lower=False, overwrite_a=True)
     if failed:
         raise np.linalg.LinAlgError("the columns have no finite products")
     return np.asarray(upper)

@@ -6,7 +6,8 @@ sizes as priors, and this noise, the fit is exact in all parameters.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -31,6 +32,7 @@ from kinematics.effects.base import own_component, unit_of
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.running.progress import Progress
 from kinematics.transforms import Array, blocks
+from kinematics.user_error import UserError
 
 AUTO = "auto"
 """The bases whose sizes the data decide."""
@@ -109,7 +111,7 @@ def explained(measurement: Measurement, wanted: Wanted) -> Explained:
         structure = Structure.first(replace(data, gross=data.gross | suspects))
         # few readings do not show their noise
         find = _with_sizes if measurement.instrument.MAY_BE_FEW else _with_sizes_and_noise
-        likelier = max((find(first) for first in _starts(structure)), key=_log_posterior)
+        likelier = max(_ends(structure, find), key=_log_posterior)
         structure = linearised(likelier, find) if about is None else likelier
         found = _fitted(measurement, structure, wanted)
         about = msgspec.structs.replace(found.model, covariance=None)
@@ -123,6 +125,21 @@ def _starts(structure: Structure) -> Iterator[Structure]:
     yield structure
     if not structure.data.observations.measurement.instrument.MAY_BE_FEW:
         yield replace(structure, noise=replace(structure.noise, factor=LARGE_NOISE_FACTOR))
+
+
+def _ends(structure: Structure, find: Callable[[Structure], Structure]) -> list[Structure]:
+    """Where the search ends from each of its starts; UserError where it ends nowhere, as with exact readings."""
+    found = []
+    for first in _starts(structure):
+        with suppress(np.linalg.LinAlgError):
+            found.append(find(first))
+    if not found:
+        source = structure.data.observations.measurement.source
+        raise UserError(
+            f"{source}: the readings agree with the fit to rounding, so that their noise cannot be found: state the "
+            "uncertainty of the instrument that they have, or add noise to simulated readings"
+        )
+    return found
 
 
 def _log_posterior(structure: Structure) -> float:
