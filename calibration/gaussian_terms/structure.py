@@ -338,8 +338,8 @@ class Structure:
             yield Moments(left * np.swapaxes(left, 1, 2) + uncertain[inside], parts)
 
 
-def settled(before: Noise, after: Noise, share: float = 1.0) -> bool:
-    """True where two noises are the same, for all that follows; share: of the differences that count as none."""
+def settled(before: Noise, after: Noise) -> bool:
+    """True where two noises are the same, for all that follows."""
     changes = [
         abs(after.repeats.get(axis, 0.0) - before.repeats.get(axis, 0.0))
         / max(after.repeats.get(axis, 0.0), LEAST_REPEATABILITY_UM)
@@ -347,4 +347,4 @@ def settled(before: Noise, after: Noise, share: float = 1.0) -> bool:
     ]
     same_rows = np.array_equal(before.left_out, after.left_out)
     factor = abs(float(np.log(after.factor / before.factor)))
-    return same_rows and factor < share * SAME_FACTOR and max(changes, default=0.0) < share * SAME_REPEATS
+    return same_rows and factor < SAME_FACTOR and max(changes, default=0.0) < SAME_REPEATS

@@ -38,8 +38,6 @@ AUTO = "auto"
 """The bases whose sizes the data decide."""
 MOST_SIZING_SCALARS = 9000
 """Most observations by which sizes and noise are found; whole stops, evenly spread."""
-SETTLED_NOISE_SHARE = 0.01
-"""Share of the differences of noise that a search for causes neglects: a fit shall not depend on its start."""
 LARGE_NOISE_FACTOR = 100.0
 """Factor on the variances of the specification with which a search begins: an instrument ten times worse."""
 NOISE_STANDARD_ERRORS = 4.0
@@ -158,7 +156,7 @@ def _with_sizes_and_noise(structure: Structure) -> Structure:
     for _ in range(MOST_STRUCTURE_ROUNDS):
         before = found.noise
         found = _with_sizes(found.with_noise())
-        if settled(before, found.noise, SETTLED_NOISE_SHARE):
+        if settled(before, found.noise):
             break
     return found
 
