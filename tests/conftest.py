@@ -11,8 +11,6 @@ from typing import NoReturn
 
 os.environ["COLUMNS"] = "200"  # consoles take their width once, when they are imported
 
-import zlib
-
 import hypothesis
 import pytest
 from clients import chromium as browsers
@@ -91,18 +89,8 @@ def _import_from_the_last() -> None:
             import_module(path.stem)
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """The option for a part of the tests."""
-    parser.addoption("--part", metavar="K/N", help="the tests of part K (0 ... N - 1) of N, divided by their names")
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put every test in one tier, and mark those that need LinuxCNC: `-m "not linuxcnc"` leaves them out."""
-    if part := config.getoption("--part"):
-        own, parts = map(int, part.split("/"))
-        others = [item for item in items if zlib.crc32(item.nodeid.encode()) % parts != own]
-        config.hook.pytest_deselected(items=others)
-        items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % parts == own]
     for item in items:
         fixtures = set(getattr(item, "fixturenames", ()))
         marked = TIERS & {marker.name for marker in item.iter_markers()}
